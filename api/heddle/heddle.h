@@ -1,0 +1,193 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The application's side of libheddle: hosts, scenes, graphs, rendering, read-back, images. The command `heddle` and the
+ * Python package use nothing else.
+ *
+ * Every function that can fail returns a heddle_status; heddle_error then gives the whole message in the form
+ *   file:line:column: error: what was wrong / found / expected / help.
+ * Text and data handed out belong to the object they were asked from and live until the next call of the same function
+ * on it, or its destruction. */
+#ifndef HEDDLE_H
+#define HEDDLE_H
+
+#include <heddle/abi.h>
+#include <heddle/records.h>
+
+HEDDLE_BEGIN_C
+
+typedef struct heddle_host heddle_host;
+typedef struct heddle_scene heddle_scene;
+typedef struct heddle_graph heddle_graph;
+
+/* ---- Host --------------------------------------------------------------------------------------------------------- */
+#define HEDDLE_HOST_VALIDATION 1u /* Vulkan validation layer, with synchronization checks; its messages become errors */
+
+typedef struct heddle_host_options {
+  uint32_t struct_size;
+  uint32_t flags;          /* HEDDLE_HOST_* */
+  const char* device;      /* part of a device's name, or its index as text; NULL: HEDDLE_DEVICE, else lavapipe, else 0 */
+  const char* plugin_path; /* folders with plugins, separated by ':'; NULL: HEDDLE_PLUGIN_PATH, else the library's own */
+  const char* cache_path;  /* compiled shaders; NULL: HEDDLE_CACHE, else ~/.cache/heddle */
+  /* Told warnings and information, line by line; NULL: not told. Called on the thread of the call that causes it. */
+  void (*log)(void* user, uint32_t severity, const char* text);
+  void* log_user;
+} heddle_host_options;
+
+/* "0.1.0". [any-thread] */
+HEDDLE_EXPORT const char* heddle_version(void);
+/* Reads manifests and roles; opens no plugin and no device. options may be NULL. On failure *out is NULL and the message
+ * is heddle_error(NULL) on the same thread. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_create(const heddle_host_options* options, heddle_host** out);
+/* Destroy graphs and scenes first. NULL is ignored. [main-thread] */
+HEDDLE_EXPORT void heddle_destroy(heddle_host* host);
+/* Message of the last call on this host that failed; "" if none. [main-thread] */
+HEDDLE_EXPORT const char* heddle_error(const heddle_host* host);
+/* Techniques and roles, from manifests alone, as JSON: {"roles": [...], "techniques": [...]}. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_list(heddle_host* host, const char** out_json);
+/* Vulkan devices as JSON. Opens Vulkan's loader, creates no device. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_devices(heddle_host* host, const char** out_json);
+/* Driver, layers, optional libraries, and for each technique whether it runs on the chosen device, and if not, what
+ * happens instead; JSON. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_doctor(heddle_host* host, const char** out_json);
+
+/* ---- Scene -------------------------------------------------------------------------------------------------------- */
+#define HEDDLE_NONE 0xffffffffu
+
+/* Pixels, top row first, tightly packed. */
+typedef struct heddle_image {
+  uint32_t struct_size;
+  uint32_t width, height, channels; /* 1 to 4 channels */
+  const float* pixels;
+} heddle_image;
+
+typedef struct heddle_texture {
+  uint32_t struct_size;
+  uint32_t width, height;
+  uint32_t is_srgb;      /* 1: colour is encoded as sRGB */
+  uint32_t wrap_u, wrap_v; /* 0 repeat, 1 mirror, 2 clamp */
+  uint32_t reserved;
+  const uint8_t* rgba;   /* width x height x 4, top row first; copied */
+} heddle_texture;
+
+typedef struct heddle_mesh {
+  uint32_t struct_size;
+  uint32_t vertex_count;
+  uint32_t index_count;      /* triangles: a multiple of 3; 0: vertices in order */
+  uint32_t reserved;
+  const float* positions;    /* vertex_count x 3, metres; all arrays are copied */
+  const float* normals;      /* x 3, or NULL: flat normals are made */
+  const float* tangents;     /* x 4, or NULL: made from uv0 where a normal map needs them */
+  const float* uv0;          /* x 2, or NULL */
+  const float* uv1;          /* x 2, or NULL */
+  const float* colors;       /* x 4, linear, or NULL */
+  const uint32_t* indices;
+} heddle_mesh;
+
+/* Material of the application: texture_layer and texture_group are ignored, `textures` are ids of textures. */
+typedef struct heddle_material {
+  uint32_t struct_size;
+  uint32_t textures[HEDDLE_TEXTURE_COUNT]; /* HEDDLE_NONE: none */
+  HeddleMaterial record;
+} heddle_material;
+
+/* Light of the application: the record's position_rel is ignored, `position` counts. */
+typedef struct heddle_light {
+  uint32_t struct_size;
+  uint32_t reserved;
+  double position[3];
+  HeddleLight record;
+} heddle_light;
+
+typedef struct heddle_camera {
+  uint32_t struct_size;
+  uint32_t is_orthographic;
+  double position[3];
+  double rotation[4];      /* quaternion x y z w, unit; identity looks along -Z */
+  double vertical_angle;   /* radians; orthographic: half height in metres */
+  double aspect;           /* width / height; 0: the frame's */
+  double near_distance;    /* metres; 0: 0.01 */
+  double far_distance;     /* orthographic only; 0: 1000 */
+} heddle_camera;
+
+HEDDLE_EXPORT heddle_status heddle_scene_create(heddle_host* host, heddle_scene** out); /* [main-thread] */
+HEDDLE_EXPORT void heddle_scene_destroy(heddle_scene* scene);                           /* [main-thread] */
+/* Adds everything in a glTF 2.0 file (.gltf, .glb). On an error the scene is as before. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_load(heddle_scene* scene, const char* path);
+/* Each adds one thing and gives its id, counted from 0 by kind. Names may be NULL. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_add_texture(heddle_scene* scene, const char* name,
+                                                     const heddle_texture* texture, uint32_t* out_id);
+HEDDLE_EXPORT heddle_status heddle_scene_add_material(heddle_scene* scene, const char* name,
+                                                      const heddle_material* material, uint32_t* out_id);
+HEDDLE_EXPORT heddle_status heddle_scene_add_mesh(heddle_scene* scene, const char* name, const heddle_mesh* mesh,
+                                                  uint32_t material, uint32_t* out_id);
+/* A mesh placed by a 4x4 matrix, column-major float64, affine. */
+HEDDLE_EXPORT heddle_status heddle_scene_add_instance(heddle_scene* scene, const char* name, uint32_t mesh,
+                                                      const double scene_from_object[16], uint32_t* out_id);
+HEDDLE_EXPORT heddle_status heddle_scene_add_light(heddle_scene* scene, const char* name, const heddle_light* light,
+                                                   uint32_t* out_id);
+HEDDLE_EXPORT heddle_status heddle_scene_add_camera(heddle_scene* scene, const char* name,
+                                                    const heddle_camera* camera, uint32_t* out_id);
+/* Moves an instance; what it was counts as the last frame's place. */
+HEDDLE_EXPORT heddle_status heddle_scene_set_instance(heddle_scene* scene, uint32_t id,
+                                                      const double scene_from_object[16]);
+HEDDLE_EXPORT heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_t id, const heddle_camera* camera);
+/* Which camera renders; HEDDLE_NONE: one made to see the whole scene. */
+HEDDLE_EXPORT heddle_status heddle_scene_use_camera(heddle_scene* scene, uint32_t id);
+/* The camera in use, as it would render a frame of this shape. */
+HEDDLE_EXPORT heddle_status heddle_scene_get_camera(heddle_scene* scene, uint32_t width, uint32_t height,
+                                                    heddle_camera* out);
+/* Counts, bounds, names of cameras, lights and materials, features, as JSON. */
+HEDDLE_EXPORT heddle_status heddle_scene_describe(heddle_scene* scene, const char** out_json);
+
+/* ---- Graph -------------------------------------------------------------------------------------------------------- */
+/* Reads a graph and applies settings "pass.technique=gtao", "pass.params.radius=1", "extent=[640,360]", "params.NAME=..."
+ * in their order. Resolves, checks and orders; opens no plugin. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_load(heddle_host* host, const char* path, const char* const* settings,
+                                              uint32_t setting_count, heddle_graph** out);
+/* The same from text; `name` stands for the file in messages, `folder` is where `extends` looks. */
+HEDDLE_EXPORT heddle_status heddle_graph_parse(heddle_host* host, const char* text, const char* name,
+                                               const char* folder, const char* const* settings, uint32_t setting_count,
+                                               heddle_graph** out);
+/* The device is idle on return; plugins nobody else uses are unloaded. NULL is ignored. [main-thread] */
+HEDDLE_EXPORT void heddle_graph_destroy(heddle_graph* graph);
+/* What was decided and why: passes kept and dropped, order, resources, aliasing, barriers; format "text", "json" or
+ * "dot". [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_explain(heddle_graph* graph, const char* format, const char** out);
+/* Ports that stay readable after a frame, "ao.visibility", beside the graph's own output. Before the first frame, or
+ * the graph is planned again. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_keep(heddle_graph* graph, const char* port);
+/* Changes a parameter between frames: "ao.params.radius", "1.5". [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_set(heddle_graph* graph, const char* setting);
+
+#define HEDDLE_RENDER_PROFILE 1u /* submit and wait pass by pass, and time each: slower, for looking */
+typedef struct heddle_render_options {
+  uint32_t struct_size;
+  uint32_t flags; /* HEDDLE_RENDER_* */
+  double time, time_step;
+  uint64_t seed;
+  uint32_t cut; /* 1: forget the past */
+  uint32_t reserved;
+} heddle_render_options;
+
+/* Renders one frame and waits for it. options may be NULL. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene,
+                                          const heddle_render_options* options);
+/* Pixels of a kept port or of the output (NULL) after a frame, as float32 (unorm as 0..1), layer and mip chosen.
+ * out->pixels belongs to the graph. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_read(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
+                                        heddle_image* out);
+/* Of the last frame: wall time, pass times if profiled, counters of commands, pipelines, memory with and without
+ * aliasing, libraries opened; JSON. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_stats(heddle_graph* graph, const char** out_json);
+
+/* ---- Images ------------------------------------------------------------------------------------------------------- */
+/* Any format OpenImageIO reads or writes; float values of 8-bit files are 0..1 as stored. The file is written under a
+ * temporary name and renamed. OpenImageIO is opened by the first call. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_image_read(heddle_host* host, const char* path, heddle_image* out);
+HEDDLE_EXPORT heddle_status heddle_image_write(heddle_host* host, const char* path, const heddle_image* image);
+/* Metrics of a against b (the reference) as JSON: {"mse", "rmse", "relmse", "psnr", "maximum", "mean_difference", ...}.
+ * If difference_path is not NULL, writes |a - b| there. Non-finite values are an error that names the first pixel. */
+HEDDLE_EXPORT heddle_status heddle_image_compare(heddle_host* host, const heddle_image* a, const heddle_image* b,
+                                                 const char* difference_path, const char** out_json);
+
+HEDDLE_END_C
+#endif

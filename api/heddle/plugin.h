@@ -1,0 +1,354 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* What a technique's library exports, and what the host gives it.
+ *
+ * A library exports one symbol, heddle_entry. It returns static descriptors; the build writes a manifest from them, so
+ * the host resolves graphs without opening a library, and a manifest that disagrees with its library is an error.
+ *
+ * Life of a pass: create -> declare -> prepare -> each frame: execute / record of its stages, in the order of the graph
+ * -> destroy. After a parameter with HEDDLE_PARAMETER_REDECLARE changed: declare and prepare again.
+ *
+ * Shaders are text. The host writes, for every shader, the include "pass.glsl" with exactly what its stage declares:
+ * the ports (bindings chosen by the host), the parameters, and accessors; plugins never choose a binding. See "Shaders"
+ * below. Functions of roles ("role/shadow.glsl") are joined in by the host from the providers of the graph. */
+#ifndef HEDDLE_PLUGIN_H
+#define HEDDLE_PLUGIN_H
+
+#include <heddle/abi.h>
+#include <heddle/records.h>
+#include <heddle/vulkan_table.h>
+
+HEDDLE_BEGIN_C
+
+typedef struct heddle_pass heddle_pass;         /* the plugin's object for one pass; the plugin's own definition */
+typedef struct heddle_pass_host heddle_pass_host; /* the host's side of that pass; alive from create until destroy */
+typedef struct heddle_frame heddle_frame;       /* the host's; valid during one record or execute call */
+
+/* ---- Ports -------------------------------------------------------------------------------------------------------- */
+#define HEDDLE_PORT_IMAGE 0u    /* a 2D image or 2D array, mips allowed */
+#define HEDDLE_PORT_BUFFER 1u   /* a storage buffer */
+#define HEDDLE_PORT_VALUE 2u    /* small data known on the CPU before the frame is recorded, also visible to shaders */
+#define HEDDLE_PORT_SURFACES 3u /* triangles to draw */
+
+#define HEDDLE_IN 0u
+#define HEDDLE_OUT 1u
+#define HEDDLE_INOUT 2u /* makes a new version of what it is bound to */
+
+#define HEDDLE_PORT_OPTIONAL 1u /* in: unbound is legal; shaders then see the role's neutral value through fetch_NAME */
+#define HEDDLE_PORT_KEPT 2u     /* out: keeps its contents between frames, never aliased */
+#define HEDDLE_PORT_CUBE 4u     /* image: layers come in sixes, also sampled as cubes */
+
+/* Extent of an out image. */
+#define HEDDLE_EXTENT_FRAME 0u    /* the graph's extent times extent_scale, rounded up */
+#define HEDDLE_EXTENT_ABSOLUTE 1u /* width, height */
+
+typedef struct heddle_port {
+  uint32_t struct_size;
+  const char* name; /* of the role's contract, or the technique's own (then only its own functions and stages use it) */
+  uint32_t type;      /* HEDDLE_PORT_* */
+  uint32_t direction; /* HEDDLE_IN ... */
+  uint32_t flags;     /* HEDDLE_PORT_OPTIONAL ... */
+  uint32_t format;    /* image, out: VkFormat; in: 0 */
+  uint32_t extent_rule;
+  float extent_scale;
+  uint32_t width, height; /* HEDDLE_EXTENT_ABSOLUTE */
+  uint32_t layers, mips;  /* 0 = 1 */
+  uint64_t byte_size;     /* buffer or value, out: capacity */
+  const char* glsl;       /* buffer, value: members of the block as shaders see them, e.g. "HeddleLight lights[];"; NULL:
+                             what the role's contract says. Types of records.h are in scope */
+  const char* help;       /* one line: meaning, unit, range */
+} heddle_port;
+
+/* ---- Parameters --------------------------------------------------------------------------------------------------- */
+#define HEDDLE_TYPE_FLOAT 0u
+#define HEDDLE_TYPE_INT 1u
+#define HEDDLE_TYPE_BOOL 2u
+#define HEDDLE_TYPE_CHOICE 3u /* one of `choices`; shaders see its index */
+#define HEDDLE_TYPE_COLOR 4u  /* three floats, linear Rec.709 */
+#define HEDDLE_TYPE_FLOAT3 5u
+#define HEDDLE_TYPE_NAMES 6u  /* a list of names (of lights, ...); not visible to shaders */
+
+#define HEDDLE_PARAMETER_KNOB 1u      /* buys accuracy with time: `ladder` goes from cheap to accurate */
+#define HEDDLE_PARAMETER_REDECLARE 2u /* a change needs declare and prepare again */
+#define HEDDLE_PARAMETER_CONSTANT 4u  /* shaders see it as a compile-time constant (specialization constant) */
+
+typedef struct heddle_parameter {
+  uint32_t struct_size;
+  const char* name;
+  uint32_t type; /* HEDDLE_TYPE_* */
+  uint32_t flags;
+  const char* unit; /* "m", "s", "rad", "lx", "cd/m^2", "px", "1" */
+  double minimum, maximum; /* each component; equal bounds: unbounded */
+  double default_value[3]; /* bool 0/1; choice: index; names: empty */
+  const char* const* choices; /* NULL-terminated, HEDDLE_TYPE_CHOICE only */
+  const double* ladder;
+  uint32_t ladder_count;
+  const char* help; /* one line */
+} heddle_parameter;
+
+/* ---- Stages and shaders --------------------------------------------------------------------------------------------*/
+#define HEDDLE_STAGE_GPU 0u
+#define HEDDLE_STAGE_CPU 1u
+
+/* How a stage touches a port. The host makes barriers from these, compares them with what the shaders really use, and
+ * writes each shader's bindings from them. */
+#define HEDDLE_ACCESS_SAMPLED 0u       /* image: sampler2D NAME (sampler2DArray if layers > 1), nearest unless _LINEAR */
+#define HEDDLE_ACCESS_SAMPLED_LINEAR 1u
+#define HEDDLE_ACCESS_STORAGE_READ 2u  /* image: readonly image2D; buffer: readonly block */
+#define HEDDLE_ACCESS_STORAGE_WRITE 3u /* image: writeonly image2D; buffer: block */
+#define HEDDLE_ACCESS_STORAGE_READ_WRITE 4u
+#define HEDDLE_ACCESS_COLOR 5u         /* colour attachment; order in the stage = location */
+#define HEDDLE_ACCESS_DEPTH 6u         /* depth attachment, tested and written */
+#define HEDDLE_ACCESS_DEPTH_READ 7u    /* depth attachment, tested only */
+#define HEDDLE_ACCESS_VALUE 8u         /* value: uniform or readonly block for shaders; host value for the CPU */
+#define HEDDLE_ACCESS_DRAW 9u          /* surfaces drawn */
+#define HEDDLE_ACCESS_HOST_READ 10u    /* cpu stage: mapped for reading (surfaces: as a snapshot) */
+#define HEDDLE_ACCESS_HOST_WRITE 11u   /* cpu stage: mapped for writing */
+#define HEDDLE_ACCESS_TRANSFER_READ 12u
+#define HEDDLE_ACCESS_TRANSFER_WRITE 13u
+#define HEDDLE_ACCESS_SAMPLED_COMPARE 14u /* depth image: sampler2DShadow / sampler2DArrayShadow, linear, GREATER_OR_EQUAL */
+
+#define HEDDLE_LOAD_KEEP 0u
+#define HEDDLE_LOAD_CLEAR 1u
+#define HEDDLE_LOAD_DONT_CARE 2u
+
+typedef struct heddle_access {
+  uint32_t struct_size;
+  const char* port;
+  uint32_t access;
+  uint32_t load;  /* attachments: HEDDLE_LOAD_* at the stage's first drawing into each layer */
+  float clear[4]; /* depth: [0] */
+} heddle_access;
+
+#define HEDDLE_SHADER_COMPUTE 0u
+#define HEDDLE_SHADER_FULLSCREEN 1u /* a fragment shader over the whole target: `in vec2 uv` (0..1, y down) */
+#define HEDDLE_SHADER_SURFACES 2u   /* a fragment shader behind every surface program; sees the block `surface`. With an
+                                       empty file name: depth only, alpha masks tested by the host's own fragment shader */
+
+typedef struct heddle_shader {
+  uint32_t struct_size;
+  const char* name;  /* unique in the technique */
+  uint32_t kind;     /* HEDDLE_SHADER_* */
+  const char* stage; /* the stage that uses it */
+  const char* file;  /* in the technique's folder: <what>.comp.glsl or <what>.frag.glsl */
+  const char* calls; /* roles whose functions it calls, separated by spaces: "shadow surface_material" */
+  uint32_t depth_compare; /* VkCompareOp for raster kinds with a depth attachment; 0 = GREATER_OR_EQUAL (reversed) */
+  float depth_bias_constant, depth_bias_slope; /* raster kinds; towards the light when negative (reversed depth) */
+} heddle_shader;
+
+typedef struct heddle_stage {
+  uint32_t struct_size;
+  const char* name;
+  uint32_t kind; /* HEDDLE_STAGE_* */
+  uint32_t access_count;
+  const heddle_access* accesses;
+} heddle_stage;
+
+/* A function of a role, provided as text. The text may use the ports listed (declared for it under their names), the
+ * technique's parameters as `params.NAME`, the includes of plugins/shared and functions of roles in `calls`. File-scope
+ * names are the text's own: the host renames them where two providers clash. No #version, #extension or layout(). */
+typedef struct heddle_function {
+  uint32_t struct_size;
+  const char* role;
+  const char* file;
+  uint32_t access_count;
+  const heddle_access* accesses; /* SAMPLED*, STORAGE_*, VALUE */
+  const char* calls;
+  const void* service; /* CPU twin, float64: the role's own C table (heddle/services.h), or NULL */
+} heddle_function;
+
+/* ---- The host's side of a pass -------------------------------------------------------------------------------------*/
+#define HEDDLE_SEVERITY_ERROR 0u
+#define HEDDLE_SEVERITY_WARNING 1u
+#define HEDDLE_SEVERITY_INFO 2u
+
+/* A resource's shape. */
+typedef struct heddle_shape {
+  uint32_t struct_size;
+  uint32_t type; /* HEDDLE_PORT_* */
+  uint32_t format, width, height, layers, mips;
+  uint64_t byte_size;
+  uint32_t is_bound; /* 0: the optional input is absent */
+} heddle_shape;
+
+typedef struct heddle_frame_info {
+  uint32_t struct_size;
+  uint32_t cut; /* 1: nothing of the past is valid (first frame, camera cut) */
+  uint64_t index;
+  double time, time_step; /* seconds of scene time */
+  uint64_t seed;
+  double origin[3]; /* the frame's origin in the scene, metres: the main camera's position */
+} heddle_frame_info;
+
+/* Memory of a port during execute (cpu stages). Rows are tightly packed, layer by layer, mip 0 only. */
+typedef struct heddle_mapped {
+  uint32_t struct_size;
+  void* data; /* readable and/or writable as the stage declared; valid until execute returns */
+  heddle_shape shape;
+  uint64_t row_bytes;
+} heddle_mapped;
+
+/* The triangles of a surfaces port in host memory, one list, object transforms applied in float64. Owned by the host,
+ * valid until the pass's execute returns; the same `revision` means the same bytes as last time. */
+typedef struct heddle_snapshot {
+  uint32_t struct_size;
+  uint32_t vertex_count, triangle_count;
+  double origin[3];          /* positions are relative to this scene point, fixed while revision is */
+  uint64_t revision;
+  const float* positions;    /* vertex_count x 3 */
+  const float* normals;      /* vertex_count x 3, unit */
+  const float* uvs;          /* vertex_count x 2, uv0 */
+  const uint32_t* indices;   /* triangle_count x 3 */
+  const uint32_t* materials; /* triangle_count, index into the scene's materials */
+  const uint32_t* flags;     /* triangle_count, HEDDLE_SURFACE_* */
+} heddle_snapshot;
+
+/* Answers for base colour's alpha at a triangle's point, for alpha-masked surfaces in CPU ray tracers:
+ * 1 = there is surface, 0 = a hole. [any-thread] */
+typedef uint32_t (*heddle_alpha_test)(const heddle_snapshot* snapshot, uint32_t triangle, float barycentric_u,
+                                      float barycentric_v);
+
+/* One drawing of a surfaces port, from one view into one part of the stage's attachments. */
+typedef struct heddle_draw {
+  uint32_t struct_size;
+  const char* shader; /* of kind HEDDLE_SHADER_SURFACES */
+  const char* surfaces; /* port */
+  const HeddleView* view; /* copied; NULL: the frame's camera (port `camera`) */
+  uint32_t include; /* HEDDLE_SURFACE_*: batches with any of these; 0 = all */
+  uint32_t require; /* ... and all of these */
+  uint32_t layer;   /* of every attachment */
+  uint32_t x, y, width, height; /* pixels; width 0: the whole attachment */
+  const void* push;    /* at most 64 bytes, `push` in the shader; NULL: none */
+  uint32_t push_bytes;
+} heddle_draw;
+
+/* What record and execute are given beside the frame. Functions of one table; fields are appended only. */
+struct heddle_pass_host {
+  uint32_t struct_size;
+  uint32_t reserved;
+  void* host; /* the host's, opaque */
+
+  /* Says something to the person at the screen; the host adds where (graph file, pass). `text` is copied.
+   * After HEDDLE_SEVERITY_ERROR the caller should return a status other than HEDDLE_OK. [any-thread] */
+  void (*report)(const heddle_pass_host* self, uint32_t severity, const char* text);
+
+  /* Current value of a parameter: 1 to 3 doubles (bool 0/1, choice index). Returns the number of components, 0 if there
+   * is no such name. [record-thread] */
+  uint32_t (*parameter)(const heddle_pass_host* self, const char* name, double out[3]);
+
+  /* An optional service by name and revision ("heddle.NAME/0"), NULL if this host has none. The table lives as long as
+   * the host. [any-thread] */
+  const void* (*service)(const heddle_pass_host* self, const char* id);
+
+  /* In declare only: overrides what the descriptor says of an out port. Zero fields of `shape` keep it.
+   * HEDDLE_BUG for an unknown port. [main-thread] */
+  heddle_status (*set_shape)(const heddle_pass_host* self, const char* port, const heddle_shape* shape);
+
+  /* Shape of a bound port; in declare: of inputs; later: of all. [record-thread] */
+  heddle_status (*shape)(const heddle_pass_host* self, const char* port, heddle_shape* out);
+
+  /* CPU twin of a role's function, from the provider bound to this pass (the first one); NULL if absent.
+   * [record-thread] */
+  const void* (*function_service)(const heddle_pass_host* self, const char* role);
+
+  /* In record and execute: bytes of a bound value port (camera: HeddleView; lights: HeddleLight[n]). Valid until the
+   * call returns. NULL and 0 if unbound. [record-thread] */
+  const void* (*value)(const heddle_pass_host* self, heddle_frame* frame, const char* port, uint64_t* out_bytes);
+
+  /* In execute of a cpu stage, or in record before the first command that reads it: new bytes of an out value port, at
+   * most its byte_size. Copied. [record-thread] */
+  heddle_status (*set_value)(const heddle_pass_host* self, heddle_frame* frame, const char* port, const void* data,
+                             uint64_t bytes);
+
+  /* ---- execute (cpu stages) ---- */
+  heddle_status (*map)(const heddle_pass_host* self, heddle_frame* frame, const char* port, heddle_mapped* out);
+  heddle_status (*snapshot)(const heddle_pass_host* self, heddle_frame* frame, const char* port, heddle_snapshot* out,
+                            heddle_alpha_test* out_alpha_test);
+
+  /* ---- record (gpu stages) ---- */
+  /* A compute shader of this stage, `groups` work groups. push as in heddle_draw. [record-thread] */
+  heddle_status (*dispatch)(const heddle_pass_host* self, heddle_frame* frame, const char* shader, uint32_t groups_x,
+                            uint32_t groups_y, uint32_t groups_z, const void* push, uint32_t push_bytes);
+  /* As many groups as cover mip 0 of `port` (the shader's local size is known from its text). */
+  heddle_status (*dispatch_over)(const heddle_pass_host* self, heddle_frame* frame, const char* shader,
+                                 const char* port, const void* push, uint32_t push_bytes);
+  /* A full-screen shader into all attachments of the stage, layer `layer`. */
+  heddle_status (*fullscreen)(const heddle_pass_host* self, heddle_frame* frame, const char* shader, uint32_t layer,
+                              const void* push, uint32_t push_bytes);
+  heddle_status (*draw)(const heddle_pass_host* self, heddle_frame* frame, const heddle_draw* draw);
+  /* Makes what earlier commands of this stage wrote visible to its later ones (compute and transfer). */
+  void (*barrier)(const heddle_pass_host* self, heddle_frame* frame);
+  /* Writes host bytes into a buffer port before the commands that follow; at most 64 KiB a call. */
+  heddle_status (*update_buffer)(const heddle_pass_host* self, heddle_frame* frame, const char* port, uint64_t offset,
+                                 const void* data, uint64_t bytes);
+
+  /* ---- underneath, for what the above does not cover ---- */
+  /* The device's functions, wrapped so that the host counts them. Lives as long as the host. */
+  const heddle_vulkan* vulkan;
+  VkCommandBuffer (*command_buffer)(const heddle_pass_host* self, heddle_frame* frame);
+  VkImage (*image)(const heddle_pass_host* self, heddle_frame* frame, const char* port);
+  VkImageView (*image_view)(const heddle_pass_host* self, heddle_frame* frame, const char* port);
+  VkBuffer (*buffer)(const heddle_pass_host* self, heddle_frame* frame, const char* port);
+};
+
+/* ---- Technique ---------------------------------------------------------------------------------------------------- */
+#define HEDDLE_TECHNIQUE_REFERENCE 1u
+
+typedef struct heddle_technique {
+  uint32_t struct_size;
+  uint32_t flags;
+  const char* id;     /* "ambient_occlusion/gtao": role/technique */
+  const char* title;  /* one line */
+  const char* source; /* author, year, title */
+  uint32_t role_revision; /* newest revision of role.toml that the technique knows */
+  uint32_t port_count;
+  const heddle_port* ports;
+  uint32_t parameter_count;
+  uint32_t stage_count;
+  const heddle_parameter* parameters;
+  const heddle_stage* stages;
+  uint32_t shader_count;
+  uint32_t function_count;
+  const heddle_shader* shaders;
+  const heddle_function* functions;
+  const char* features;        /* scene features without which the pass has nothing to do, separated by spaces, or NULL */
+  const char* device_features; /* Vulkan features it needs beyond the host's own, or NULL */
+  const char* fallback;        /* what happens on a device without them: one line, or NULL */
+
+  /* NULL = nothing to do, for each of the following. */
+  /* Makes the plugin's object. [main-thread] */
+  heddle_status (*create)(const heddle_pass_host* host, heddle_pass** out);
+  /* Formats and extents of outputs that depend on parameters or inputs, through host->set_shape. [main-thread] */
+  heddle_status (*declare)(heddle_pass* pass, const heddle_pass_host* host);
+  /* Everything is allocated; shaders are compiled after this. [main-thread] */
+  heddle_status (*prepare)(heddle_pass* pass, const heddle_pass_host* host);
+  /* Records the commands of a gpu stage. [record-thread] */
+  heddle_status (*record)(heddle_pass* pass, const heddle_pass_host* host, uint32_t stage, heddle_frame* frame,
+                          const heddle_frame_info* info);
+  /* Does the work of a cpu stage. [record-thread] */
+  heddle_status (*execute)(heddle_pass* pass, const heddle_pass_host* host, uint32_t stage, heddle_frame* frame,
+                           const heddle_frame_info* info);
+  /* Frees the object; the GPU is done with it. [main-thread] */
+  void (*destroy)(heddle_pass* pass);
+  /* Whether a stage has work this frame: HEDDLE_RUN, HEDDLE_KEEP (outputs are still right; only for stages whose
+   * outputs are all HEDDLE_PORT_KEPT) or HEDDLE_NOTHING (outputs are neutral). NULL: always HEDDLE_RUN.
+   * [record-thread] */
+  uint32_t (*activity)(heddle_pass* pass, const heddle_pass_host* host, uint32_t stage, heddle_frame* frame,
+                       const heddle_frame_info* info);
+} heddle_technique;
+#define HEDDLE_RUN 0u
+#define HEDDLE_KEEP 1u
+#define HEDDLE_NOTHING 2u
+
+typedef struct heddle_plugin {
+  uint32_t struct_size;
+  uint32_t abi_major, abi_minor; /* HEDDLE_ABI_MAJOR, HEDDLE_ABI_MINOR of the headers it was built with */
+  uint32_t technique_count;
+  const heddle_technique* const* techniques;
+} heddle_plugin;
+
+/* The one exported symbol. Returns static data; called once after opening, on the main thread. Never NULL. */
+HEDDLE_EXPORT const heddle_plugin* heddle_entry(void);
+typedef const heddle_plugin* (*heddle_entry_function)(void);
+
+HEDDLE_END_C
+#endif

@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+// The plain structures that the stages of the graph compiler hand on, in order:
+//   text -parse-> WrittenGraph -resolve-> ResolvedGraph -prune-> (the same, passes marked) -order-> Order
+//        -alias-> Placement -barriers-> BarrierPlan -execute.
+// No function here touches a device, a plugin library or a file except where it says so; every structure is printable.
+#pragma once
+
+#include "diagnostics.hpp"
+#include "plugin/registry.hpp"
+
+#include <map>
+#include <optional>
+#include <variant>
+
+namespace heddle::graph {
+
+// ---- parse: what was written, with places -------------------------------------------------------------------------
+
+/// A value of TOML with its place; names of keys carry their own.
+struct Written {
+  std::variant<bool, std::int64_t, double, std::string, std::vector<Written>> value;
+  Location where;
+};
+struct WrittenKey {
+  std::string name;
+  Location where;
+};
+
+struct WrittenPass {
+  Location where;                       // of [[pass]]
+  Written name, role, technique;        // strings; an overlay's pass may leave role and technique empty
+  std::optional<Written> after, before; // overlays only
+  std::vector<std::pair<WrittenKey, Written>> params;    // params.NAME
+  std::vector<std::pair<WrittenKey, Written>> inputs;    // inputs.PORT = "pass.port" | "scene.x" | "none"
+  std::vector<std::pair<WrittenKey, Written>> functions; // functions.ROLE = ["pass", ...] which providers; [] = neutral
+  std::vector<Written> serves;          // `switch`: names or types of lights / names of materials; empty = all
+  std::optional<Written> enabled;       // bool, default true
+};
+
+struct WrittenGraph {
+  std::string file;
+  std::optional<Written> extends;
+  std::optional<Written> extent;  // [w, h]
+  std::optional<Written> output;  // "display.color"
+  std::vector<std::pair<WrittenKey, Written>> params;  // top-level presets: NAME = default, referred to as "$NAME"
+  std::vector<std::pair<WrittenKey, Written>> joins;   // joins.ROLE = "switch" | "sum" | "product": overrides role.toml
+  std::vector<Written> remove;
+  std::vector<WrittenPass> passes;  // file order
+};
+
+/// TOML text -> what was written. Opens no file. Throws Error with every syntax error and unknown key.
+WrittenGraph parse(std::string_view text, std::string_view file);
+/// Reads a file and what it extends, and merges the overlays into one graph (no `extends` left). Opens files.
+WrittenGraph read_graph(const std::filesystem::path& file);
+/// Merges `over` on `base`. Pure.
+WrittenGraph overlay(WrittenGraph base, WrittenGraph over);
+/// Applies "ao.technique=gtao", "ao.params.radius=1", "ao.inputs.depth=x.y", "extent=[640,360]", "output=a.b",
+/// "params.NAME=..."; the place of such a value is file "--set", line 1, column in the setting.
+void apply_setting(WrittenGraph& graph, std::string_view setting);
+
+// ---- resolve: names -> descriptors and resources --------------------------------------------------------------------
+
+using PassIndex = std::uint32_t;
+using ResourceIndex = std::uint32_t;
+inline constexpr std::uint32_t kNoIndex = 0xffffffffU;
+
+/// A parameter's value: numbers, or names for ParameterType::kNames.
+struct ParameterValue {
+  std::array<double, 3> number{0, 0, 0};
+  std::vector<std::string> names;
+  bool operator==(const ParameterValue&) const = default;
+};
+
+/// What stands behind ports. A new version made by an `inout` port is a resource of its own with `previous_version`.
+struct Resource {
+  std::string name;             // "gbuffer.depth", "scene.camera"
+  PortType type = PortType::kImage;
+  PassIndex producer = kNoIndex;      // kNoIndex: the scene
+  std::string port;             // of the producer, or of the scene: "camera", "lights", "surfaces"
+  ResourceIndex previous_version = kNoIndex;  // same memory for images and buffers, a changed copy for values
+  bool is_kept = false;
+  // Shape; images and buffers only, filled from the descriptor by resolve and corrected by `declare` before alias.
+  std::uint32_t format = 0, width = 0, height = 0, layers = 1, mips = 1;
+  std::uint32_t flags = 0;      // HEDDLE_PORT_*
+  std::uint64_t byte_size = 0;
+};
+
+/// Providers of one role's functions for one caller pass, in graph order.
+struct FunctionBinding {
+  std::string role;
+  Join join = Join::kSwitch;
+  std::vector<PassIndex> providers;  // empty: the neutral body
+};
+
+struct Pass {
+  std::string name;
+  Location where;
+  const Role* role = nullptr;
+  TechniqueEntry entry;               // technique "none" never gets here: resolve leaves the pass out
+  std::vector<ParameterValue> parameters;       // parallel to technique->parameters
+  std::map<std::string, ResourceIndex, std::less<>> ports;  // bound ports, in and out; an absent optional input is missing
+  std::map<std::string, ResourceIndex, std::less<>> inout_sources;  // for inout ports: what is read; `ports` has what is made
+  std::vector<FunctionBinding> functions;       // one for each role that a shader or function text of it calls
+  std::vector<std::string> serves;
+  bool is_pruned = false;
+  std::string reason;                 // why it stays or goes, for explain
+  std::vector<PassIndex> dependencies; // passes that must run before it: producers of inputs, providers, their inputs
+};
+
+struct ResolvedGraph {
+  std::string file;
+  std::uint32_t width = 0, height = 0;
+  ResourceIndex output = kNoIndex;
+  std::vector<Pass> passes;           // file order
+  std::vector<Resource> resources;
+  std::vector<std::string> notes;     // e.g. "pass 'ao': technique none, its outputs are neutral"
+};
+
+/// All name, type, range and unit errors are made here, all at once. Opens no library.
+ResolvedGraph resolve(const WrittenGraph& written, const Registry& registry);
+/// "ao.visibility" -> resource; throws Error with the nearest name. An output of a pass, or "scene.camera" ...
+ResourceIndex find_resource(const ResolvedGraph& graph, std::string_view name);
+
+// ---- prune ----------------------------------------------------------------------------------------------------------
+/// Marks passes that nobody asked for (`wanted`: output and kept ports), and those whose scene features are missing
+/// (`features`; their consumers then see neutral values: the port is removed from their `ports`). Says why for each.
+void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::span<const std::string> features);
+
+// ---- order ----------------------------------------------------------------------------------------------------------
+struct ScheduledStage {
+  PassIndex pass = kNoIndex;
+  std::uint32_t stage = 0;  // index into technique->stages
+  StageKind kind = StageKind::kGpu;
+  bool splits_submission = false;  // a cpu stage that reads what the GPU made this frame
+  // What the stage touches, functions of its shaders' providers included; several accesses of one resource are merged.
+  struct Use {
+    ResourceIndex resource = kNoIndex;
+    std::uint32_t access = 0;  // HEDDLE_ACCESS_*
+    bool reads = false, writes = false;
+  };
+  std::vector<Use> uses;
+};
+struct Order {
+  std::vector<ScheduledStage> stages;
+};
+/// One order for one graph: dependencies first, ties by the order in the file. Throws Error naming a cycle.
+Order order(const ResolvedGraph& graph);
+
+// ---- alias ----------------------------------------------------------------------------------------------------------
+struct MemoryNeed {  // of one image or buffer; from the driver
+  std::uint64_t size = 0, alignment = 1;
+};
+struct Placement {
+  static constexpr std::uint64_t kOwnMemory = ~0ULL;  // kept resources and those without memory
+  std::vector<std::uint64_t> offset;  // for each resource: into the one shared heap, or kOwnMemory
+  std::uint64_t heap_size = 0;        // with aliasing
+  std::uint64_t unaliased_size = 0;   // what the same resources would need each for itself
+  // Pairs (stage, resource): at this stage's start the resource's memory was another's: contents are undefined, and a
+  // barrier from the listed earlier users is due.
+  struct Handover {
+    std::uint32_t stage = 0;  // index into Order::stages
+    ResourceIndex to = kNoIndex;
+    std::vector<ResourceIndex> from;
+  };
+  std::vector<Handover> handovers;
+};
+/// `needs` is parallel to resources; size 0: has no memory of its own (values, surfaces, later versions).
+/// `pinned`: never shared (kept, read after the frame). Offsets are multiples of max(alignment, 256).
+Placement alias(const ResolvedGraph& graph, const Order& order, std::span<const MemoryNeed> needs,
+                std::span<const ResourceIndex> pinned);
+
+// ---- barriers -------------------------------------------------------------------------------------------------------
+struct Barrier {
+  ResourceIndex resource = kNoIndex;
+  VkPipelineStageFlags2 source_stages = 0, target_stages = 0;
+  VkAccessFlags2 source_access = 0, target_access = 0;
+  VkImageLayout old_layout = VK_IMAGE_LAYOUT_UNDEFINED, new_layout = VK_IMAGE_LAYOUT_UNDEFINED;  // equal for buffers: UNDEFINED
+};
+struct BarrierPlan {
+  std::vector<std::vector<Barrier>> before;  // for each scheduled stage
+  std::vector<Barrier> at_end;               // kept and wanted resources, to what the next frame's first use / read-back expects
+  std::vector<VkImageLayout> first_layout;   // layout in which each resource enters a frame (UNDEFINED: contents not needed)
+};
+/// Layouts and stage masks of an access. Pure table.
+struct AccessInfo {
+  VkPipelineStageFlags2 stages = 0;
+  VkAccessFlags2 access = 0;
+  VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;
+  bool reads = false, writes = false;
+};
+AccessInfo access_info(std::uint32_t access, PortType type, std::uint32_t format);
+/// From declared accesses: read-after-write, write-after-read, write-after-write, layouts, memory hand-overs, and
+/// across frames (kept resources, and the shared heap's last users before its first users of the next frame).
+BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const Placement& placement,
+                          std::span<const ResourceIndex> wanted);
+
+// ---- explain --------------------------------------------------------------------------------------------------------
+std::string explain_text(const ResolvedGraph& graph, const Order& order, const Placement& placement,
+                         const BarrierPlan& barriers);
+std::string explain_json(const ResolvedGraph& graph, const Order& order, const Placement& placement,
+                         const BarrierPlan& barriers);
+std::string explain_dot(const ResolvedGraph& graph, const Order& order);
+
+}  // namespace heddle::graph

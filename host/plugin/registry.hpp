@@ -1,0 +1,60 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which roles and techniques there are, known from role.toml files and manifests alone, and the libraries that are open.
+#pragma once
+
+#include "plugin/technique.hpp"
+
+#include <map>
+#include <memory>
+#include <span>
+
+namespace heddle {
+
+/// An open plugin library. Opened from a private copy, checked against its manifest; third-party libraries that came
+/// with it are pinned, the plugin itself is really unmapped by the destructor.
+class Library {
+ public:
+  explicit Library(const Manifest& manifest);
+  ~Library();
+  Library(const Library&) = delete;
+  Library& operator=(const Library&) = delete;
+  [[nodiscard]] const heddle_technique& descriptor(std::string_view technique_id) const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+struct TechniqueEntry {
+  const Technique* technique = nullptr;
+  const Manifest* manifest = nullptr;
+};
+
+class Registry {
+ public:
+  /// `folders`: each holds <role>/role.toml, <role>/<technique>/ with shaders, a library and its .manifest.json, and
+  /// shared/. A technique found in two folders: the first wins. Throws Error naming a broken file.
+  explicit Registry(std::vector<std::filesystem::path> folders);
+
+  [[nodiscard]] const std::map<std::string, Role, std::less<>>& roles() const { return roles_; }
+  [[nodiscard]] const Role* find_role(std::string_view name) const;
+  /// "ambient_occlusion/gtao" -> entry, or nullptrs.
+  [[nodiscard]] TechniqueEntry find(std::string_view id) const;
+  [[nodiscard]] std::vector<const Technique*> techniques() const;             // sorted by id
+  [[nodiscard]] std::vector<std::string> technique_names(std::string_view role) const;  // without the role, sorted
+  /// Folders with shared GLSL ("shared/" of each plugin folder), in order of search.
+  [[nodiscard]] std::span<const std::filesystem::path> shared_folders() const { return shared_folders_; }
+
+  /// The open library of a technique; opened when nobody has it, closed when the last holder lets go.
+  /// Sharers: the passes of all graphs of a host.
+  std::shared_ptr<Library> open(const TechniqueEntry& entry);
+
+ private:
+  std::map<std::string, Role, std::less<>> roles_;
+  std::vector<std::unique_ptr<Manifest>> manifests_;
+  std::map<std::string, TechniqueEntry, std::less<>> techniques_;
+  std::vector<std::filesystem::path> shared_folders_;
+  std::map<const Manifest*, std::weak_ptr<Library>> open_;
+};
+
+}  // namespace heddle

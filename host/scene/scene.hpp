@@ -1,0 +1,92 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene on the CPU: what is rendered, in float64 where places are concerned. Knows no device (upload does).
+#pragma once
+
+#include "diagnostics.hpp"
+
+#include <heddle/heddle.h>
+
+#include <glm/glm.hpp>
+#include <glm/gtc/quaternion.hpp>
+
+#include <array>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace heddle::scene {
+
+struct Texture {
+  std::string name;
+  std::uint32_t width = 0, height = 0;
+  bool is_srgb = false;  // decided by the materials that use it; a texture used as both is stored twice
+  std::array<std::uint32_t, 2> wrap{0, 0};  // 0 repeat, 1 mirror, 2 clamp
+  std::vector<std::uint8_t> rgba;           // top row first
+};
+
+struct Material {
+  std::string name;
+  std::array<std::uint32_t, HEDDLE_TEXTURE_COUNT> textures{};  // index, HEDDLE_NONE
+  HeddleMaterial record{};  // texture_layer* and texture_group are filled by upload
+};
+
+struct Mesh {
+  std::string name;
+  std::uint32_t material = 0;
+  std::vector<HeddleVertex> vertices;
+  std::vector<std::uint32_t> indices;
+  std::array<glm::vec3, 2> bounds{};  // object space
+};
+
+struct Instance {
+  std::string name;
+  std::uint32_t mesh = 0;
+  glm::dmat4 scene_from_object{1.0};
+  glm::dmat4 previous_scene_from_object{1.0};
+};
+
+struct Light {
+  std::string name;
+  glm::dvec3 position{0.0};
+  HeddleLight record{};
+};
+
+struct Camera {
+  std::string name;
+  heddle_camera record{};
+};
+
+class Scene {
+ public:
+  std::vector<Texture> textures;
+  std::vector<Material> materials;
+  std::vector<Mesh> meshes;
+  std::vector<Instance> instances;
+  std::vector<Light> lights;
+  std::vector<Camera> cameras;
+  std::uint32_t camera = HEDDLE_NONE;  // in use
+
+  /// Bumped when meshes, materials, textures or the list of instances change / when instances only move.
+  std::uint64_t content_revision = 1;
+  std::uint64_t motion_revision = 1;
+
+  /// Scene-space bounds of all instances; {0,0} if empty.
+  [[nodiscard]] std::array<glm::dvec3, 2> bounds() const;
+  /// The camera in use for a frame of this shape; without one: a view of the whole scene, slightly from above and the
+  /// side, far enough to hold the bounding sphere.
+  [[nodiscard]] heddle_camera active_camera(std::uint32_t width, std::uint32_t height) const;
+  /// Facts that techniques can ask for: "surfaces", "lights", "masked", "blended", "emissive", ...
+  [[nodiscard]] std::vector<std::string> features() const;
+  [[nodiscard]] std::string describe_json() const;
+};
+
+/// Adds a glTF 2.0 file to the scene, all or nothing. Throws Error with the file and what in it is wrong.
+void load_gltf(Scene& scene, const std::filesystem::path& file);
+
+/// View record of a camera. `origin`: the frame's origin. `previous`: last frame's camera, with its own position.
+HeddleView make_view(const heddle_camera& camera, std::uint32_t width, std::uint32_t height, const glm::dvec3& origin,
+                     const heddle_camera* previous = nullptr);
+
+}  // namespace heddle::scene

@@ -1,0 +1,62 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene on the device: vertices, indices, instances, materials, textures grouped into 2D arrays by (format, size,
+// mips), and the surfaces' draw lists merged by texture group and by what pipelines must differ in.
+#pragma once
+
+#include "scene/scene.hpp"
+#include "vulkan/device.hpp"
+
+#include <heddle/plugin.h>
+
+namespace heddle::scene {
+
+/// Draws that share pipeline state and textures: one vkCmdDrawIndexedIndirect.
+struct DrawGroup {
+  std::uint32_t flags = 0;          // HEDDLE_SURFACE_* of all its batches
+  std::uint32_t texture_group = 0;  // set 2
+  bool is_flipped = false;          // front faces are clockwise
+  std::uint32_t first_command = 0, command_count = 0;  // in the indirect buffer (VkDrawIndexedIndirectCommand)
+};
+
+/// Buffers and textures of one scene on one device. update() before each frame.
+class SceneBuffers {
+ public:
+  SceneBuffers(vulkan::Device& device, VkDescriptorSetLayout materials_layout);
+  ~SceneBuffers();
+  SceneBuffers(const SceneBuffers&) = delete;
+  SceneBuffers& operator=(const SceneBuffers&) = delete;
+
+  /// Uploads what changed since the last call; instances relative to `origin`, previous places too.
+  void update(const Scene& scene, const glm::dvec3& origin);
+
+  [[nodiscard]] const vulkan::Buffer& vertices() const;   // HeddleVertex
+  [[nodiscard]] const vulkan::Buffer& indices() const;    // uint32
+  [[nodiscard]] const vulkan::Buffer& instances() const;  // HeddleInstance, in draw order
+  [[nodiscard]] const vulkan::Buffer& materials() const;  // HeddleMaterial
+  [[nodiscard]] const vulkan::Buffer& commands() const;   // VkDrawIndexedIndirectCommand; firstInstance = first in instances()
+  [[nodiscard]] std::span<const DrawGroup> groups() const;
+  /// Descriptor set 2 of a texture group: bindings 0..4 = sampler2DArray of base colour, metallic-roughness, normal,
+  /// occlusion, emissive.
+  [[nodiscard]] VkDescriptorSet material_set(std::uint32_t texture_group) const;
+  /// Lights relative to `origin`, in the scene's order.
+  static std::vector<HeddleLight> lights(const Scene& scene, const glm::dvec3& origin);
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+/// Layout of set 2, fragment stage.
+VkDescriptorSetLayout make_materials_layout(vulkan::Device& device);
+
+/// All triangles in host memory, for CPU stages. Rebuilt when a revision of the scene changes.
+class Snapshot {
+ public:
+  const heddle_snapshot& update(const Scene& scene);
+  [[nodiscard]] heddle_alpha_test alpha_test() const;
+
+ private:
+  struct State;
+  std::shared_ptr<State> state_;
+};
+
+}  // namespace heddle::scene

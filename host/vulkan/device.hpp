@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+// One Vulkan device with its queue, memory, counters and the wrapped function table that plugins see. libvulkan is
+// opened at run time, by the first device; several devices live side by side without sharing state.
+#pragma once
+
+#include "diagnostics.hpp"
+
+#include <heddle/vulkan_table.h>
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace heddle::vulkan {
+
+/// What the host counts; differences between two readings prove what a frame did.
+struct Counters {
+  std::uint64_t commands = 0;        // every vkCmd*
+  std::uint64_t draws = 0, dispatches = 0, barriers = 0, renderings = 0;
+  std::uint64_t submits = 0;
+  std::uint64_t pipelines = 0;       // created since the device
+  std::uint64_t live_pipelines = 0, live_images = 0, live_buffers = 0;
+  std::uint64_t device_memory_bytes = 0;  // allocated now
+  std::uint64_t uploaded_bytes = 0, read_back_bytes = 0;
+};
+
+struct DeviceInfo {
+  std::uint32_t index = 0;
+  std::string name, driver, driver_version;
+  std::string type;         // "cpu", "discrete", "integrated", "virtual", "other"
+  std::uint32_t api_version = 0;
+  bool is_lavapipe = false;
+  bool is_usable = false;   // has all that the host needs
+  std::string missing;      // why not
+};
+
+/// Opens the loader and lists devices; throws Error(HEDDLE_FAILED) with help when there is no Vulkan.
+std::vector<DeviceInfo> list_devices();
+/// Layers the loader knows.
+std::vector<std::string> list_layers();
+
+class Device;
+
+class Buffer {
+ public:
+  Buffer() = default;
+  Buffer(Buffer&& other) noexcept;
+  Buffer& operator=(Buffer&& other) noexcept;
+  ~Buffer();
+  [[nodiscard]] VkBuffer handle() const { return buffer_; }
+  [[nodiscard]] std::uint64_t size() const { return size_; }
+  /// Mapped memory of host-visible buffers (coherent), else nullptr.
+  [[nodiscard]] std::byte* data() const { return data_; }
+  explicit operator bool() const { return buffer_ != VK_NULL_HANDLE; }
+
+ private:
+  friend class Device;
+  Device* device_ = nullptr;
+  VkBuffer buffer_ = VK_NULL_HANDLE;
+  VkDeviceMemory memory_ = VK_NULL_HANDLE;  // VK_NULL_HANDLE: placed in a Heap
+  std::uint64_t size_ = 0;
+  std::byte* data_ = nullptr;
+};
+
+struct ImageShape {
+  VkFormat format = VK_FORMAT_UNDEFINED;
+  std::uint32_t width = 1, height = 1, layers = 1, mips = 1;
+  VkImageUsageFlags usage = 0;  // 0: everything the format allows of sampled, storage, attachment, transfer
+  bool is_cube = false;
+};
+
+class Image {
+ public:
+  Image() = default;
+  Image(Image&& other) noexcept;
+  Image& operator=(Image&& other) noexcept;
+  ~Image();
+  [[nodiscard]] VkImage handle() const { return image_; }
+  /// The view that shaders sample: 2D, or 2D array if layers > 1; all mips. Depth formats: depth aspect.
+  [[nodiscard]] VkImageView view() const { return view_; }
+  /// One layer of one mip: attachments and storage. Made on first use.
+  [[nodiscard]] VkImageView layer_view(std::uint32_t layer, std::uint32_t mip = 0) const;
+  /// One mip, all layers (2D or 2D array as view()): storage. Made on first use.
+  [[nodiscard]] VkImageView mip_view(std::uint32_t mip) const;
+  [[nodiscard]] const ImageShape& shape() const { return shape_; }
+  explicit operator bool() const { return image_ != VK_NULL_HANDLE; }
+
+ private:
+  friend class Device;
+  Device* device_ = nullptr;
+  VkImage image_ = VK_NULL_HANDLE;
+  VkDeviceMemory memory_ = VK_NULL_HANDLE;
+  VkImageView view_ = VK_NULL_HANDLE;
+  ImageShape shape_;
+  mutable std::vector<VkImageView> extra_views_;  // layer x mip, then mips; made on first use
+};
+
+/// One block of device memory into which transient images and buffers are placed (alias).
+class Heap {
+ public:
+  Heap() = default;
+  Heap(Heap&& other) noexcept;
+  Heap& operator=(Heap&& other) noexcept;
+  ~Heap();
+  [[nodiscard]] VkDeviceMemory memory() const { return memory_; }
+  [[nodiscard]] std::uint64_t size() const { return size_; }
+
+ private:
+  friend class Device;
+  Device* device_ = nullptr;
+  VkDeviceMemory memory_ = VK_NULL_HANDLE;
+  std::uint64_t size_ = 0;
+};
+
+struct DeviceOptions {
+  std::string device;       // part of a name, or an index; "": HEDDLE_DEVICE, else lavapipe, else the first usable
+  bool validation = false;  // the layer, with synchronization validation; missing layer: Error(HEDDLE_FAILED)
+  std::function<void(Severity, std::string_view)> log;
+};
+
+class Device {
+ public:
+  explicit Device(const DeviceOptions& options);
+  ~Device();
+  Device(const Device&) = delete;
+  Device& operator=(const Device&) = delete;
+
+  [[nodiscard]] const DeviceInfo& info() const;
+  [[nodiscard]] const VkPhysicalDeviceLimits& limits() const;
+  /// The counted table: the host itself calls Vulkan through it, and plugins get the same one.
+  [[nodiscard]] const heddle_vulkan& table() const;
+  [[nodiscard]] VkQueue queue() const;
+  [[nodiscard]] std::uint32_t queue_family() const;
+  [[nodiscard]] Counters counters() const;
+  /// Errors the validation layer reported since the last call, and forgets them. Empty without validation.
+  std::vector<std::string> take_validation_errors();
+  /// Depth format with sampling and attachment: D32_SFLOAT.
+  [[nodiscard]] bool has_format(VkFormat format, VkFormatFeatureFlags features) const;
+
+  Buffer make_buffer(std::uint64_t size, VkBufferUsageFlags usage, bool host_visible);
+  Image make_image(const ImageShape& shape);
+  // Placed: the driver's needs, then the object at an offset of a heap.
+  [[nodiscard]] VkMemoryRequirements image_requirements(const ImageShape& shape);
+  [[nodiscard]] VkMemoryRequirements buffer_requirements(std::uint64_t size, VkBufferUsageFlags usage);
+  Heap make_heap(std::uint64_t size, std::uint32_t memory_type_bits);
+  Image place_image(const ImageShape& shape, const Heap& heap, std::uint64_t offset);
+  Buffer place_buffer(std::uint64_t size, VkBufferUsageFlags usage, const Heap& heap, std::uint64_t offset);
+
+  /// Records with `record`, submits and waits. For uploads and tests. Throws Error on device loss.
+  void run(const std::function<void(VkCommandBuffer)>& record);
+  /// Fills a device buffer / image (one layer, one mip; image ends in SHADER_READ_ONLY_OPTIMAL) through staging memory.
+  void upload(const Buffer& target, std::uint64_t offset, std::span<const std::byte> bytes);
+  void upload(const Image& target, std::uint32_t layer, std::uint32_t mip, std::span<const std::byte> bytes);
+  /// Reads back tightly packed texels; the image is in `layout` and stays in it.
+  std::vector<std::byte> read_back(const Image& source, std::uint32_t layer, std::uint32_t mip, VkImageLayout layout);
+  std::vector<std::byte> read_back(const Buffer& source, std::uint64_t offset, std::uint64_t size);
+  void count_upload(std::uint64_t bytes);
+  void count_read_back(std::uint64_t bytes);
+
+  /// Immutable samplers, made once: nearest/linear x repeat/clamp/mirror, and depth comparison (GREATER_OR_EQUAL, linear).
+  enum class Sampler : std::uint8_t { kNearestClamp, kLinearClamp, kLinearRepeat, kLinearMirror, kCompareClamp };
+  [[nodiscard]] VkSampler sampler(Sampler which) const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// Throws Error(HEDDLE_FAILED) naming the call and the result's name unless VK_SUCCESS.
+void check(VkResult result, std::string_view call);
+/// Bytes of a texel, channels and kind of a color or depth format the host supports (r8 .. rgba32f, srgb, 10-11 bit).
+struct FormatInfo {
+  std::uint32_t texel_bytes = 0, channels = 0;
+  const char* glsl = "";  // "rgba16f": format qualifier for storage images; "" if none
+  const char* name = "";  // "r16g16b16a16_sfloat"
+  bool is_depth = false;
+};
+FormatInfo format_info(VkFormat format);
+/// Texels of `format` to float32, channels kept (sRGB formats stay encoded values 0..1 as stored).
+std::vector<float> to_float(std::span<const std::byte> texels, VkFormat format);
+/// The reverse, for writing host data into images; values are clamped to the format's range, rounded to nearest.
+std::vector<std::byte> from_float(std::span<const float> values, VkFormat format);
+
+}  // namespace heddle::vulkan

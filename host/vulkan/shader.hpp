@@ -1,0 +1,161 @@
+// SPDX-License-Identifier: Apache-2.0
+// Shader text -> SPIR-V with known bindings: writes "pass.glsl" for each shader, joins functions of roles from the
+// providers of a graph, compiles (shaderc, cached by content on disk), reflects.
+//
+// Set 0: the caller's own ports and parameters.  Set 1: everything that providers of functions read (host-assigned
+// bindings, one set for all).  Set 2: textures of materials (surface shaders).  Set 3: what surface programs read.
+#pragma once
+
+#include "plugin/registry.hpp"
+#include "vulkan/device.hpp"
+
+namespace heddle::vulkan {
+
+/// What is bound to a port, as far as shaders care.
+struct BoundPort {
+  std::string port;
+  std::uint32_t access = 0;  // HEDDLE_ACCESS_*
+  PortType type = PortType::kImage;
+  bool is_bound = true;      // false: only fetch_NAME / sample_NAME, answering `neutral`
+  VkFormat format = VK_FORMAT_UNDEFINED;
+  std::uint32_t layers = 1;
+  bool is_cube = false;
+  std::array<double, 4> neutral{0, 0, 0, 0};
+  std::string glsl;          // members of a buffer's or value's block
+};
+
+/// One provider of a role's functions for one caller.
+struct ProviderRequest {
+  std::string pass;                    // name of the pass, for messages and as suffix of names
+  const Technique* technique = nullptr;
+  std::filesystem::path folder;        // of the technique's shaders
+  std::vector<BoundPort> ports;        // of the function's accesses
+};
+
+struct RoleRequest {
+  const Role* role = nullptr;
+  Join join = Join::kSwitch;
+  std::vector<ProviderRequest> providers;  // empty: the neutral body
+};
+
+/// What a shader needs to be compiled in one graph.
+struct ShaderRequest {
+  std::string pass;                    // for messages
+  const Technique* technique = nullptr;
+  const Shader* shader = nullptr;      // of technique
+  std::filesystem::path folder;
+  std::vector<BoundPort> ports;        // of the shader's stage, in the stage's order
+  // Every role that the shader or a provider of it calls, callees first (a provider's own calls are flattened in).
+  std::vector<RoleRequest> roles;
+  std::vector<std::filesystem::path> shared_folders;  // <heddle/records.h> and plugins/shared are found from here
+};
+
+/// Where a binding's content comes from.
+struct Binding {
+  enum class Kind : std::uint8_t {
+    kSampledImage,   // combined image sampler
+    kStorageImage,
+    kStorageBuffer,  // buffer ports; value ports whose block ends in an unsized array
+    kUniformBuffer,  // other value ports
+    kParameters,     // uniform block with the pass's parameters, in declaration order (ParameterLayout)
+    kSwitchTable,    // storage buffer, uint for each key: which provider of `role` serves it
+  };
+  std::uint32_t set = 0, binding = 0;
+  Kind kind = Kind::kSampledImage;
+  std::string pass;  // whose port or parameters: the caller's or a provider's name
+  std::string port;
+  std::string role;  // kSwitchTable
+  std::uint32_t access = 0;
+  bool operator==(const Binding&) const = default;
+};
+
+/// Byte offsets of parameters in the block `params`, std140; HEDDLE_PARAMETER_CONSTANT ones are specialization constants
+/// (id = index of the parameter) and not in the block, names never are.
+struct ParameterLayout {
+  std::vector<std::uint32_t> offset;  // parallel to technique.parameters; 0xffffffff: not in the block
+  std::uint32_t size = 0;             // multiple of 16; 0: no block
+};
+ParameterLayout parameter_layout(const Technique& technique);
+
+struct CompiledShader {
+  ShaderKind kind = ShaderKind::kCompute;
+  std::vector<std::uint32_t> spirv;    // compute or fragment; empty: depth only without alpha masks
+  std::vector<Binding> bindings;       // those the code really uses
+  std::array<std::uint32_t, 3> local_size{1, 1, 1};
+  std::uint32_t push_bytes = 0;
+  std::uint32_t loops = 0;             // loops in the joined text's functions that are reachable
+  bool uses_materials = false;         // set 2 is used
+  std::vector<std::string> warnings;   // e.g. more than eight loops, with the names of the providers
+};
+
+/// Compiles, or takes from the cache folder. Errors of the text name the author's file, line and the pass; a join that
+/// fails is narrowed down to the provider that fails alone. Throws Error(HEDDLE_BAD_INPUT).
+CompiledShader compile(const ShaderRequest& request, const std::filesystem::path& cache_folder);
+
+/// The text that compile would hand to the compiler for `#include "pass.glsl"` and for a role: for tests and explain.
+std::string generate_pass_glsl(const ShaderRequest& request);
+std::string generate_role_glsl(const ShaderRequest& request, std::string_view role);
+
+/// Vertex stages of surface programs and the host's own depth-only fragment shader with alpha test.
+struct SurfaceProgram {
+  std::vector<std::uint32_t> vertex;              // position and all fields of the surface block
+  std::vector<std::uint32_t> masked_fragment;     // depth only: discards below the cutoff (set 2)
+};
+/// The program of meshes: pulls HeddleVertex and HeddleInstance from storage buffers (set 3: 0 vertices, 1 instances,
+/// 2 materials), the view from push constants' uniform (set 3: 3, dynamic offset), instance by gl_InstanceIndex.
+SurfaceProgram mesh_program(const std::filesystem::path& cache_folder,
+                            const std::vector<std::filesystem::path>& shared_folders);
+
+// ---- pipelines ----
+
+/// Layouts and a pipeline; move-only. Sets 0 and 1 are made from the shader's bindings; 2 and 3 are given.
+class Pipeline {
+ public:
+  Pipeline() = default;
+  Pipeline(Pipeline&& other) noexcept;
+  Pipeline& operator=(Pipeline&& other) noexcept;
+  ~Pipeline();
+  [[nodiscard]] VkPipeline handle() const { return pipeline_; }
+  [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
+  [[nodiscard]] VkDescriptorSetLayout set_layout(std::uint32_t set) const { return sets_.at(set); }
+  [[nodiscard]] VkPipelineBindPoint bind_point() const { return bind_point_; }
+  explicit operator bool() const { return pipeline_ != VK_NULL_HANDLE; }
+
+ private:
+  friend class PipelineMaker;
+  Device* device_ = nullptr;
+  VkPipeline pipeline_ = VK_NULL_HANDLE;
+  VkPipelineLayout layout_ = VK_NULL_HANDLE;
+  std::array<VkDescriptorSetLayout, 4> sets_{};
+  std::uint32_t owned_sets_ = 0;  // bit i: set layout i is ours to destroy
+  VkPipelineBindPoint bind_point_ = VK_PIPELINE_BIND_POINT_COMPUTE;
+};
+
+struct RasterState {
+  std::vector<VkFormat> color_formats;
+  VkFormat depth_format = VK_FORMAT_UNDEFINED;
+  bool depth_write = true;
+  VkCompareOp depth_compare = VK_COMPARE_OP_GREATER_OR_EQUAL;
+  float depth_bias_constant = 0, depth_bias_slope = 0;
+};
+
+/// Values of the specialization constants, by parameter index.
+using Constants = std::map<std::uint32_t, std::uint32_t>;  // raw 32 bits
+
+/// Makes pipelines of one device. Viewport, scissor, and for surfaces cull mode and front face, are dynamic.
+class PipelineMaker {
+ public:
+  explicit PipelineMaker(Device& device);
+  Pipeline compute(const CompiledShader& shader, const Constants& constants);
+  Pipeline fullscreen(const CompiledShader& shader, const Constants& constants, const RasterState& state);
+  /// `fragment.spirv` may be empty (depth only, opaque). Set layouts 2 and 3 are borrowed.
+  Pipeline surfaces(const SurfaceProgram& program, const CompiledShader& fragment, const Constants& constants,
+                    const RasterState& state, VkDescriptorSetLayout materials, VkDescriptorSetLayout program_set);
+  Pipeline surfaces_masked_depth(const SurfaceProgram& program, const RasterState& state,
+                                 VkDescriptorSetLayout materials, VkDescriptorSetLayout program_set);
+
+ private:
+  Device* device_;
+};
+
+}  // namespace heddle::vulkan

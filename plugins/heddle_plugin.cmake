@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: Apache-2.0
+# heddle_plugin(SOURCES pass.cpp [SHADERS a.comp.glsl ...] [LIBRARIES ...]) in plugins/<role>/<technique>/CMakeLists.txt
+# builds that technique: the library, its manifest, its shaders beside it, and checks the shaders with neutral functions.
+
+# Copies role.toml files, shared GLSL and records.h to where libraries are built.
+function(heddle_plugin_contracts source output)
+  file(GLOB roles CONFIGURE_DEPENDS RELATIVE ${source} ${source}/*/role.toml)
+  file(GLOB shared CONFIGURE_DEPENDS RELATIVE ${source} ${source}/shared/*.glsl ${source}/shared/*.h)
+  set(outputs)
+  foreach(file ${roles} ${shared})
+    add_custom_command(OUTPUT ${output}/${file} DEPENDS ${source}/${file}
+                       COMMAND ${CMAKE_COMMAND} -E copy ${source}/${file} ${output}/${file})
+    list(APPEND outputs ${output}/${file})
+  endforeach()
+  add_custom_command(OUTPUT ${output}/shared/heddle/records.h DEPENDS ${CMAKE_SOURCE_DIR}/api/heddle/records.h
+                     COMMAND ${CMAKE_COMMAND} -E copy ${CMAKE_SOURCE_DIR}/api/heddle/records.h
+                             ${output}/shared/heddle/records.h)
+  add_custom_target(heddle_contracts ALL DEPENDS ${outputs} ${output}/shared/heddle/records.h)
+endfunction()
+
+set(HEDDLE_PLUGIN_VERSION_SCRIPT ${CMAKE_CURRENT_LIST_DIR}/plugin.version)
+
+function(heddle_plugin)
+  cmake_parse_arguments(PARSE_ARGV 0 ARG "" "" "SOURCES;SHADERS;LIBRARIES")
+  cmake_path(GET CMAKE_CURRENT_SOURCE_DIR FILENAME technique)
+  cmake_path(GET CMAKE_CURRENT_SOURCE_DIR PARENT_PATH role_folder)
+  cmake_path(GET role_folder FILENAME role)
+  set(output ${HEDDLE_PLUGIN_OUTPUT}/${role}/${technique})
+  set(target ${role}_${technique})
+  add_library(${target} MODULE ${ARG_SOURCES})
+  target_link_libraries(${target} PRIVATE heddle_api heddle_warnings ${ARG_LIBRARIES}
+                        -Wl,--version-script=${HEDDLE_PLUGIN_VERSION_SCRIPT} -Wl,-z,defs)
+  target_include_directories(${target} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR} ${role_folder}/../shared)
+  set_target_properties(${target} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${output} OUTPUT_NAME ${technique} PREFIX ""
+                        C_VISIBILITY_PRESET hidden CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON
+                        LINK_DEPENDS ${HEDDLE_PLUGIN_VERSION_SCRIPT})
+  set(copies)
+  foreach(shader ${ARG_SHADERS})
+    add_custom_command(OUTPUT ${output}/${shader} DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${shader}
+                       COMMAND ${CMAKE_COMMAND} -E copy ${CMAKE_CURRENT_SOURCE_DIR}/${shader} ${output}/${shader})
+    list(APPEND copies ${output}/${shader})
+  endforeach()
+  add_custom_command(OUTPUT ${output}/${technique}.manifest.json DEPENDS ${target} heddle_manifest
+                     COMMAND heddle_manifest $<TARGET_FILE:${target}> ${output}/${technique}.manifest.json)
+  add_custom_command(OUTPUT ${output}/${technique}.checked
+                     DEPENDS ${output}/${technique}.manifest.json ${copies} heddle_contracts heddle_check_shaders
+                     COMMAND heddle_check_shaders ${HEDDLE_PLUGIN_OUTPUT} ${output}/${technique}.manifest.json
+                     COMMAND ${CMAKE_COMMAND} -E touch ${output}/${technique}.checked)
+  add_custom_target(${target}_plugin ALL DEPENDS ${output}/${technique}.checked)
+endfunction()
