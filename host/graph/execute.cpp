@@ -1,0 +1,96 @@
+// SPDX-License-Identifier: Apache-2.0
+// The executor's outside: kept ports, parameters, explanations, and taking everything down again.
+
+#include "graph/execute.hpp"
+
+#include "graph/execute_state.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace heddle::graph {
+
+Executor::Executor(HostServices& services, ResolvedGraph graph)
+    : state_(std::make_unique<State>(services, std::move(graph))) {
+  state_->graph = state_->original;
+}
+
+Executor::~Executor() {
+  State& s = *state_;
+  s.unplan();
+  if (s.device == nullptr) return;
+  const heddle_vulkan& vk = s.device->table();
+  s.scene_buffers.reset();
+  s.views = {};
+  for (VkDescriptorPool pool : s.descriptor_pools) vk.DestroyDescriptorPool(vk.device, pool, nullptr);
+  vk.DestroyDescriptorSetLayout(vk.device, s.materials_layout, nullptr);
+  vk.DestroyDescriptorSetLayout(vk.device, s.program_layout, nullptr);
+  vk.DestroyCommandPool(vk.device, s.command_pool, nullptr);
+  vk.DestroyFence(vk.device, s.fence, nullptr);
+}
+
+void Executor::keep(std::string_view resource) {
+  State& s = *state_;
+  const ResourceIndex index = find_resource(s.original, resource);
+  if (s.original.resources[index].type != PortType::kImage || s.original.resources[index].producer == kNoIndex) {
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("port '{}' is not an image that a pass makes", resource),
+                "only images can be read back");
+  }
+  if (std::find(s.kept_names.begin(), s.kept_names.end(), resource) != s.kept_names.end()) return;
+  s.kept_names.emplace_back(resource);
+  s.unplan();
+}
+
+void Executor::set_parameter(PassIndex pass, std::size_t parameter, const ParameterValue& value) {
+  State& s = *state_;
+  s.original.passes[pass].parameters[parameter] = value;
+  if (!s.is_planned) return;
+  const Parameter& declared = s.original.passes[pass].entry.technique->parameters[parameter];
+  if ((declared.flags & (HEDDLE_PARAMETER_REDECLARE | HEDDLE_PARAMETER_CONSTANT)) != 0) {
+    s.unplan();
+    return;
+  }
+  s.graph.passes[pass].parameters[parameter] = value;
+  if (s.passes[pass]) s.write_parameters(*s.passes[pass]);
+}
+
+const FrameStats& Executor::stats() const {
+  return state_->stats;
+}
+
+const ResolvedGraph& Executor::graph() const {
+  return state_->graph;
+}
+
+std::string Executor::explain(std::string_view format) {
+  State& s = *state_;
+  ResolvedGraph graph = s.is_planned ? s.graph : s.original;
+  Order order = s.order;
+  Placement placement = s.placement;
+  BarrierPlan barriers = s.barriers;
+  if (!s.is_planned) {
+    // Without a scene nothing is pruned for its sake, and without a device there are no sizes.
+    std::vector<ResourceIndex> wanted{graph.output};
+    for (const std::string& name : s.kept_names) wanted.push_back(find_resource(graph, name));
+    const std::vector<std::string> every_feature = [&] {
+      std::vector<std::string> features;
+      for (const Pass& pass : graph.passes) {
+        const auto& needed = pass.entry.technique->features;
+        features.insert(features.end(), needed.begin(), needed.end());
+      }
+      return features;
+    }();
+    prune(graph, wanted, every_feature);
+    order = graph::order(graph);
+    const std::vector<MemoryNeed> needs(graph.resources.size());
+    placement = alias(graph, order, needs, wanted);
+    barriers = plan_barriers(graph, order, placement, wanted);
+  }
+  if (format == "text") return explain_text(graph, order, placement, barriers);
+  if (format == "json") return explain_json(graph, order, placement, barriers);
+  if (format == "dot") return explain_dot(graph, order);
+  throw Error(HEDDLE_BAD_INPUT, fmt::format("unknown format '{}' of an explanation", format), "one of text, json, dot");
+}
+
+}  // namespace heddle::graph

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// The only stage of the graph compiler that touches a device: plans memory and pipelines for a resolved graph, opens
+// its plugins, and renders frames.
+#pragma once
+
+#include "graph/stages.hpp"
+#include "scene/upload.hpp"
+#include "vulkan/shader.hpp"
+
+#include <functional>
+
+namespace heddle::graph {
+
+/// What all graphs of one host share. Made by the host, outlives them.
+struct HostServices {
+  Registry& registry;
+  std::function<vulkan::Device&()> device;  // made at the first call
+  std::filesystem::path cache_folder;
+  std::function<void(Severity, std::string_view)> log;
+};
+
+struct FrameOptions {
+  bool profile = false;  // submit and wait stage by stage
+  bool cut = false;
+  double time = 0, time_step = 0;
+  std::uint64_t seed = 0;
+};
+
+struct StageTime {
+  std::string pass, stage;
+  double wall_ms = 0, cpu_ms = 0;  // cpu: all threads of the process
+};
+
+struct FrameStats {
+  std::uint64_t frame = 0;
+  double wall_ms = 0;             // recording and running
+  double submit_ms = 0;           // from the first submission to the last fence
+  std::vector<StageTime> stages;  // profiled frames only
+  vulkan::Counters before, after;
+  std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;
+  std::vector<std::string> libraries;  // open for this graph
+};
+
+class Executor {
+ public:
+  Executor(HostServices& services, ResolvedGraph graph);
+  ~Executor();
+  Executor(const Executor&) = delete;
+  Executor& operator=(const Executor&) = delete;
+
+  /// Asks that a resource stays readable after a frame; the next frame plans anew.
+  void keep(std::string_view resource);
+  /// Sets a parameter's numbers; plans anew if the parameter asks for it.
+  void set_parameter(PassIndex pass, std::size_t parameter, const ParameterValue& value);
+  void render(const scene::Scene& scene, const FrameOptions& options);
+  /// Texels of a kept resource as float32 and their shape. Empty name: the output.
+  struct ReadBack {
+    std::uint32_t width = 0, height = 0, channels = 0;
+    std::vector<float> pixels;
+  };
+  ReadBack read(std::string_view resource, std::uint32_t layer, std::uint32_t mip);
+  [[nodiscard]] const FrameStats& stats() const;
+  /// format: text, json or dot. Before the first frame: planned as far as it can be without a scene.
+  std::string explain(std::string_view format);
+  [[nodiscard]] const ResolvedGraph& graph() const;
+
+  struct State;  // of execute*.cpp
+
+ private:
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace heddle::graph

@@ -1,0 +1,653 @@
+// SPDX-License-Identifier: Apache-2.0
+// The C functions behind heddle_pass_host: parameters, values, mapped memory, and the commands of a gpu stage.
+
+#include "graph/execute_state.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+
+namespace heddle::graph {
+
+namespace {
+
+PassState& state_of(const heddle_pass_host* self) {
+  return *static_cast<PassState*>(self->host);
+}
+
+Executor::State& executor_of(const PassState& pass) {
+  return *static_cast<Executor::State*>(pass.executor_state);
+}
+
+void say(const PassState& pass, Severity severity, std::string message, std::string help = {}) {
+  Executor::State& executor = executor_of(pass);
+  const Pass& declared = executor.pass_of(pass);
+  Diagnostic diagnostic;
+  diagnostic.severity = severity;
+  diagnostic.where = declared.where;
+  diagnostic.message =
+      fmt::format("pass '{}' ({}): {}", declared.name, declared.entry.technique->id, std::move(message));
+  diagnostic.help = std::move(help);
+  if (severity == Severity::kError) {
+    executor.errors.push_back(std::move(diagnostic));
+  } else {
+    executor.services.log(severity, to_text(diagnostic));
+  }
+}
+
+/// Runs `body`; an exception becomes a reported error and its status, so that nothing throws across the border.
+template <class Body>
+heddle_status guarded(PassState& pass, Body body) {
+  try {
+    return body();
+  } catch (const Error& error) {
+    for (const Diagnostic& diagnostic : error.diagnostics()) executor_of(pass).errors.push_back(diagnostic);
+    return error.status();
+  } catch (const std::exception& error) {
+    say(pass, Severity::kError, error.what());
+    return HEDDLE_FAILED;
+  }
+}
+
+heddle_status wrong(const PassState& pass, std::string message) {
+  say(pass, Severity::kError, std::move(message), "this is a mistake of the technique, not of the graph");
+  return HEDDLE_BUG;
+}
+
+void report(const heddle_pass_host* self, std::uint32_t severity, const char* text) {
+  say(state_of(self), static_cast<Severity>(std::min(severity, HEDDLE_SEVERITY_INFO)), text);
+}
+
+std::uint32_t parameter(const heddle_pass_host* self, const char* name, double out[3]) {
+  const PassState& pass = state_of(self);
+  const Executor::State& executor = executor_of(pass);
+  const Technique& technique = executor.technique_of(pass);
+  for (std::size_t i = 0; i < technique.parameters.size(); ++i) {
+    if (technique.parameters[i].name != name) continue;
+    const std::uint32_t components = technique.parameters[i].components();
+    std::copy_n(executor.pass_of(pass).parameters[i].number.begin(), components, out);
+    return components;
+  }
+  return 0;
+}
+
+const void* service(const heddle_pass_host*, const char*) {
+  return nullptr;
+}
+
+void fill_shape(const Executor::State& executor, const Pass& pass, const std::string& port, heddle_shape& out) {
+  out.struct_size = sizeof out;
+  const auto found = pass.ports.find(port);
+  out.is_bound = found != pass.ports.end() ? 1U : 0U;
+  if (out.is_bound == 0) return;
+  const Resource& resource = executor.graph.resources[found->second];
+  out.type = static_cast<std::uint32_t>(resource.type);
+  out.format = resource.format;
+  out.width = resource.width;
+  out.height = resource.height;
+  out.layers = std::max(resource.layers, 1U);
+  out.mips = std::max(resource.mips, 1U);
+  out.byte_size = resource.byte_size;
+}
+
+heddle_status shape(const heddle_pass_host* self, const char* port, heddle_shape* out) {
+  PassState& pass = state_of(self);
+  Executor::State& executor = executor_of(pass);
+  if (executor.technique_of(pass).find_port(port) == nullptr) {
+    return wrong(pass, fmt::format("asks for the shape of an unknown port '{}'", port));
+  }
+  heddle_shape filled{};
+  fill_shape(executor, executor.pass_of(pass), port, filled);
+  const std::uint32_t size = std::min(out->struct_size, filled.struct_size);
+  filled.struct_size = size;
+  std::memcpy(out, &filled, size);
+  return HEDDLE_OK;
+}
+
+heddle_status set_shape(const heddle_pass_host* self, const char* port, const heddle_shape* wanted) {
+  PassState& pass = state_of(self);
+  Executor::State& executor = executor_of(pass);
+  if (!pass.is_declaring) return wrong(pass, "calls set_shape outside of declare");
+  const Port* declared = executor.technique_of(pass).find_port(port);
+  if (declared == nullptr || declared->direction != Direction::kOut) {
+    return wrong(pass, fmt::format("calls set_shape for '{}', which is none of its out ports", port));
+  }
+  Resource& resource = executor.graph.resources[executor.pass_of(pass).ports.at(port)];
+  if (wanted->format != 0) resource.format = wanted->format;
+  if (wanted->width != 0) resource.width = wanted->width;
+  if (wanted->height != 0) resource.height = wanted->height;
+  if (wanted->layers != 0) resource.layers = wanted->layers;
+  if (wanted->mips != 0) resource.mips = wanted->mips;
+  if (wanted->byte_size != 0) resource.byte_size = wanted->byte_size;
+  return HEDDLE_OK;
+}
+
+const void* function_service(const heddle_pass_host* self, const char* role) {
+  const PassState& pass = state_of(self);
+  const Executor::State& executor = executor_of(pass);
+  for (const FunctionBinding& binding : executor.pass_of(pass).functions) {
+    if (binding.role != role || binding.providers.empty()) continue;
+    const PassState* provider = executor.passes[binding.providers.front()].get();
+    if (provider == nullptr) return nullptr;
+    for (std::uint32_t i = 0; i < provider->descriptor->function_count; ++i) {
+      const heddle_function& function = provider->descriptor->functions[i];
+      if (std::strcmp(function.role, role) == 0) return function.service;
+    }
+  }
+  return nullptr;
+}
+
+const void* value(const heddle_pass_host* self, heddle_frame*, const char* port, std::uint64_t* out_bytes) {
+  const PassState& pass = state_of(self);
+  Executor::State& executor = executor_of(pass);
+  const Pass& declared = executor.pass_of(pass);
+  // An inout value is read as it was before this pass, until the pass has set its own.
+  ResourceIndex resource = kNoIndex;
+  if (const auto made = declared.ports.find(port); made != declared.ports.end()) resource = made->second;
+  if (const auto source = declared.inout_sources.find(port); source != declared.inout_sources.end()) {
+    resource = source->second;
+  }
+  if (resource == kNoIndex) {
+    *out_bytes = 0;
+    return nullptr;
+  }
+  const Value& stored = executor.resources[resource].value;
+  *out_bytes = stored.bytes.size();
+  return stored.bytes.data();
+}
+
+heddle_status set_value(const heddle_pass_host* self, heddle_frame*, const char* port, const void* data,
+                        std::uint64_t bytes) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&] {
+    Executor::State& executor = executor_of(pass);
+    const Pass& declared = executor.pass_of(pass);
+    const Port* own = executor.technique_of(pass).find_port(port);
+    if (own == nullptr || own->direction == Direction::kIn || own->type != PortType::kValue) {
+      return wrong(pass, fmt::format("sets '{}', which is none of its out values", port));
+    }
+    executor.set_value(declared.ports.at(port), {static_cast<const std::byte*>(data), bytes});
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status map(const heddle_pass_host* self, heddle_frame* frame, const char* port, heddle_mapped* out) {
+  PassState& pass = state_of(self);
+  Executor::State& executor = executor_of(pass);
+  for (const heddle_frame::Mapping& mapping : frame->mappings) {
+    if (mapping.port != port) continue;
+    heddle_mapped filled{};
+    filled.struct_size = std::min<std::uint32_t>(out->struct_size, sizeof filled);
+    filled.data = mapping.staging.data();
+    fill_shape(executor, executor.pass_of(pass), port, filled.shape);
+    filled.row_bytes =
+        std::uint64_t{filled.shape.width} * vulkan::format_info(static_cast<VkFormat>(filled.shape.format)).texel_bytes;
+    std::memcpy(out, &filled, filled.struct_size);
+    return HEDDLE_OK;
+  }
+  return wrong(pass, fmt::format("maps '{}', which its stage does not declare as HOST_READ or HOST_WRITE, or which is "
+                                 "not bound",
+                                 port));
+}
+
+heddle_status snapshot(const heddle_pass_host* self, heddle_frame* frame, const char* port, const heddle_snapshot** out,
+                       heddle_alpha_test* out_alpha_test) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&] {
+    Executor::State& executor = executor_of(pass);
+    const Stage& stage = executor.technique_of(pass).stages[frame->stage->stage];
+    const bool declared = std::any_of(stage.accesses.begin(), stage.accesses.end(), [&](const Access& access) {
+      return access.port == port && access.access == HEDDLE_ACCESS_HOST_READ;
+    });
+    if (!declared || executor.pass_of(pass).ports.count(port) == 0) {
+      return wrong(pass,
+                   fmt::format("asks for a snapshot of '{}', which its stage does not declare as HOST_READ, or which "
+                               "is not bound",
+                               port));
+    }
+    *out = &executor.snapshot.update(*executor.scene);
+    if (out_alpha_test != nullptr) *out_alpha_test = executor.snapshot.alpha_test();
+    return HEDDLE_OK;
+  });
+}
+
+/// The shader of this stage and kind, or nullptr after a report.
+ShaderState* find_shader(PassState& pass, const heddle_frame* frame, const char* name, ShaderKind kind) {
+  const auto found = pass.shaders.find(std::string_view(name));
+  if (found == pass.shaders.end() || found->second.shader->kind != kind || found->second.stage != frame->stage->stage) {
+    wrong(pass, fmt::format("stage '{}' has no shader '{}' of this kind",
+                            executor_of(pass).technique_of(pass).stages[frame->stage->stage].name, name));
+    return nullptr;
+  }
+  if (frame->commands == VK_NULL_HANDLE) {
+    wrong(pass, fmt::format("records shader '{}' outside of record", name));
+    return nullptr;
+  }
+  return &found->second;
+}
+
+heddle_status dispatch(const heddle_pass_host* self, heddle_frame* frame, const char* name, std::uint32_t x,
+                       std::uint32_t y, std::uint32_t z, const void* push, std::uint32_t push_bytes) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    ShaderState* shader = find_shader(pass, frame, name, ShaderKind::kCompute);
+    if (shader == nullptr) return HEDDLE_BUG;
+    Executor::State& executor = executor_of(pass);
+    executor.bind(pass, *shader, shader->pipeline, push, push_bytes);
+    executor.device->table().CmdDispatch(frame->commands, x, y, z);
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status dispatch_over(const heddle_pass_host* self, heddle_frame* frame, const char* name, const char* port,
+                            const void* push, std::uint32_t push_bytes) {
+  PassState& pass = state_of(self);
+  ShaderState* shader = find_shader(pass, frame, name, ShaderKind::kCompute);
+  if (shader == nullptr) return HEDDLE_BUG;
+  heddle_shape covered{};
+  covered.struct_size = sizeof covered;
+  if (const heddle_status status = shape(self, port, &covered); status != HEDDLE_OK) return status;
+  const auto groups = [](std::uint32_t size, std::uint32_t local) { return (size + local - 1) / local; };
+  const auto& local = shader->compiled.local_size;
+  return dispatch(self, frame, name, groups(covered.width, local[0]), groups(covered.height, local[1]),
+                  groups(covered.layers, local[2]), push, push_bytes);
+}
+
+void set_viewport(const heddle_vulkan& vk, VkCommandBuffer commands, std::uint32_t x, std::uint32_t y,
+                  std::uint32_t width, std::uint32_t height) {
+  const VkViewport viewport{
+      static_cast<float>(x), static_cast<float>(y), static_cast<float>(width), static_cast<float>(height), 0.0F, 1.0F};
+  const VkRect2D scissor{{static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)}, {width, height}};
+  vk.CmdSetViewport(commands, 0, 1, &viewport);
+  vk.CmdSetScissor(commands, 0, 1, &scissor);
+}
+
+heddle_status fullscreen(const heddle_pass_host* self, heddle_frame* frame, const char* name, std::uint32_t layer,
+                         const void* push, std::uint32_t push_bytes) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    ShaderState* shader = find_shader(pass, frame, name, ShaderKind::kFullscreen);
+    if (shader == nullptr) return HEDDLE_BUG;
+    Executor::State& executor = executor_of(pass);
+    const heddle_vulkan& vk = executor.device->table();
+    const VkExtent2D extent =
+        executor.attachment_extent(executor.pass_of(pass), executor.technique_of(pass).stages[frame->stage->stage]);
+    executor.begin_rendering(pass, *frame, layer);
+    set_viewport(vk, frame->commands, 0, 0, extent.width, extent.height);
+    executor.bind(pass, *shader, shader->pipeline, push, push_bytes);
+    vk.CmdDraw(frame->commands, 3, 1, 0, 0);
+    vk.CmdEndRendering(frame->commands);
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status draw(const heddle_pass_host* self, heddle_frame* frame, const heddle_draw* given) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    heddle_draw wanted{};
+    std::memcpy(&wanted, given, std::min<std::size_t>(given->struct_size, sizeof wanted));
+    ShaderState* shader = find_shader(pass, frame, wanted.shader, ShaderKind::kSurfaces);
+    if (shader == nullptr) return HEDDLE_BUG;
+    Executor::State& executor = executor_of(pass);
+    const Pass& declared = executor.pass_of(pass);
+    const Stage& stage = executor.technique_of(pass).stages[frame->stage->stage];
+    const bool is_declared = std::any_of(stage.accesses.begin(), stage.accesses.end(), [&](const Access& access) {
+      return access.port == wanted.surfaces && access.access == HEDDLE_ACCESS_DRAW;
+    });
+    if (!is_declared) {
+      return wrong(pass, fmt::format("draws '{}', which its stage does not declare as DRAW", wanted.surfaces));
+    }
+    HeddleView view{};
+    if (wanted.view != nullptr) {
+      view = *wanted.view;
+    } else {
+      std::uint64_t bytes = 0;
+      const void* camera = value(self, frame, "camera", &bytes);
+      if (camera == nullptr || bytes != sizeof view)
+        return wrong(pass, "draws without a view and has no port 'camera'");
+      std::memcpy(&view, camera, sizeof view);
+    }
+    const heddle_vulkan& vk = executor.device->table();
+    executor.begin_rendering(pass, *frame, wanted.layer);
+    if (declared.ports.count(std::string_view(wanted.surfaces)) != 0) {
+      const VkExtent2D extent = executor.attachment_extent(declared, stage);
+      if (wanted.width == 0) {
+        set_viewport(vk, frame->commands, 0, 0, extent.width, extent.height);
+      } else {
+        set_viewport(vk, frame->commands, wanted.x, wanted.y, wanted.width, wanted.height);
+      }
+      const std::uint32_t view_offset = executor.add_view(view);
+      const scene::SceneBuffers& buffers = *executor.scene_buffers;
+      const bool is_depth_only = shader->shader->file.empty();
+      const vulkan::Pipeline* bound = nullptr;
+      for (const scene::DrawGroup& group : buffers.groups()) {
+        if (group.command_count == 0) continue;
+        if (wanted.include != 0 && (group.flags & wanted.include) == 0) continue;
+        if ((group.flags & wanted.require) != wanted.require) continue;
+        const bool is_masked = (group.flags & HEDDLE_SURFACE_MASKED) != 0;
+        const vulkan::Pipeline& pipeline = is_depth_only && is_masked ? shader->masked : shader->pipeline;
+        if (bound != &pipeline) {
+          executor.bind(pass, *shader, pipeline, wanted.push, wanted.push_bytes);
+          vk.CmdBindDescriptorSets(frame->commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.layout(), 3, 1,
+                                   &executor.program_set, 1, &view_offset);
+          vk.CmdBindIndexBuffer(frame->commands, buffers.indices().handle(), 0, VK_INDEX_TYPE_UINT32);
+          bound = &pipeline;
+        }
+        const VkDescriptorSet material_set = buffers.material_set(group.texture_group);
+        vk.CmdBindDescriptorSets(frame->commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.layout(), 2, 1,
+                                 &material_set, 0, nullptr);
+        // Depth alone is drawn from both sides: what is thin or open still casts.
+        const bool is_two_sided = is_depth_only || (group.flags & HEDDLE_SURFACE_DOUBLE_SIDED) != 0;
+        vk.CmdSetCullMode(frame->commands, is_two_sided ? VK_CULL_MODE_NONE : VK_CULL_MODE_BACK_BIT);
+        vk.CmdSetFrontFace(frame->commands,
+                           group.is_flipped ? VK_FRONT_FACE_CLOCKWISE : VK_FRONT_FACE_COUNTER_CLOCKWISE);
+        vk.CmdDrawIndexedIndirect(frame->commands, buffers.commands().handle(),
+                                  group.first_command * sizeof(VkDrawIndexedIndirectCommand), group.command_count,
+                                  sizeof(VkDrawIndexedIndirectCommand));
+      }
+    }
+    vk.CmdEndRendering(frame->commands);
+    return HEDDLE_OK;
+  });
+}
+
+void barrier(const heddle_pass_host* self, heddle_frame* frame) {
+  const Executor::State& executor = executor_of(state_of(self));
+  VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
+  memory.srcStageMask = VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT;
+  memory.srcAccessMask = VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT | VK_ACCESS_2_TRANSFER_WRITE_BIT;
+  memory.dstStageMask = VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT |
+                        VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT | VK_PIPELINE_STAGE_2_ALL_GRAPHICS_BIT;
+  memory.dstAccessMask =
+      VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT | VK_ACCESS_2_TRANSFER_WRITE_BIT;
+  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+  dependency.memoryBarrierCount = 1;
+  dependency.pMemoryBarriers = &memory;
+  executor.device->table().CmdPipelineBarrier2(frame->commands, &dependency);
+}
+
+heddle_status update_buffer(const heddle_pass_host* self, heddle_frame* frame, const char* port, std::uint64_t offset,
+                            const void* data, std::uint64_t bytes) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    Executor::State& executor = executor_of(pass);
+    const Pass& declared = executor.pass_of(pass);
+    const auto found = declared.ports.find(std::string_view(port));
+    const vulkan::Buffer* buffer = found == declared.ports.end() ? nullptr : &executor.root(found->second).buffer;
+    if (buffer == nullptr || !*buffer || offset % 4 != 0 || bytes % 4 != 0 || bytes > 65536 ||
+        offset + bytes > buffer->size()) {
+      return wrong(pass,
+                   fmt::format("updates bytes {} to {} of '{}': the port must be a bound buffer that holds them, in "
+                               "multiples of 4 bytes, at most 65536",
+                               offset, offset + bytes, port));
+    }
+    executor.device->table().CmdUpdateBuffer(frame->commands, buffer->handle(), offset, bytes, data);
+    executor.device->count_upload(bytes);
+    return HEDDLE_OK;
+  });
+}
+
+VkCommandBuffer command_buffer(const heddle_pass_host*, heddle_frame* frame) {
+  return frame->commands;
+}
+
+ResourceState* bound_state(const heddle_pass_host* self, const char* port) {
+  const PassState& pass = state_of(self);
+  Executor::State& executor = executor_of(pass);
+  const Pass& declared = executor.pass_of(pass);
+  const auto found = declared.ports.find(std::string_view(port));
+  return found == declared.ports.end() ? nullptr : &executor.root(found->second);
+}
+VkImage image(const heddle_pass_host* self, heddle_frame*, const char* port) {
+  const ResourceState* state = bound_state(self, port);
+  return state == nullptr ? VK_NULL_HANDLE : state->image.handle();
+}
+VkImageView image_view(const heddle_pass_host* self, heddle_frame*, const char* port) {
+  const ResourceState* state = bound_state(self, port);
+  return state == nullptr ? VK_NULL_HANDLE : state->image.view();
+}
+VkBuffer buffer_handle(const heddle_pass_host* self, heddle_frame*, const char* port) {
+  const ResourceState* state = bound_state(self, port);
+  return state == nullptr ? VK_NULL_HANDLE : state->buffer.handle();
+}
+
+const char* light_type_name(std::uint32_t type) {
+  constexpr std::array<const char*, 10> kNames{"directional", "point", "spot", "sphere",    "capsule",
+                                               "cone",        "wedge", "box",  "rectangle", "environment"};
+  return type < kNames.size() ? kNames[type] : "";
+}
+
+}  // namespace
+
+void fill_pass_host(PassState& pass, const heddle_vulkan& table) {
+  heddle_pass_host& api = pass.api;
+  api.struct_size = sizeof api;
+  api.host = &pass;
+  api.report = report;
+  api.parameter = parameter;
+  api.service = service;
+  api.set_shape = set_shape;
+  api.shape = shape;
+  api.function_service = function_service;
+  api.value = value;
+  api.set_value = set_value;
+  api.map = map;
+  api.snapshot = snapshot;
+  api.dispatch = dispatch;
+  api.dispatch_over = dispatch_over;
+  api.fullscreen = fullscreen;
+  api.draw = draw;
+  api.barrier = barrier;
+  api.update_buffer = update_buffer;
+  api.vulkan = &table;
+  api.command_buffer = command_buffer;
+  api.image = image;
+  api.image_view = image_view;
+  api.buffer = buffer_handle;
+}
+
+VkExtent2D Executor::State::attachment_extent(const Pass& pass, const Stage& stage) const {
+  for (const Access& access : stage.accesses) {
+    const auto found = pass.ports.find(access.port);
+    const bool is_attachment = access.access == HEDDLE_ACCESS_COLOR || access.access == HEDDLE_ACCESS_DEPTH ||
+                               access.access == HEDDLE_ACCESS_DEPTH_READ;
+    if (!is_attachment || found == pass.ports.end()) continue;
+    const Resource& resource = graph.resources[resources[found->second].root];
+    return {resource.width, resource.height};
+  }
+  return {0, 0};
+}
+
+void Executor::State::begin_rendering(const PassState& state, heddle_frame& frame, std::uint32_t layer) {
+  const Pass& pass = pass_of(state);
+  const Stage& stage = technique_of(state).stages[frame.stage->stage];
+  const bool is_first = frame.drawn_layers.insert(layer).second;
+  std::vector<VkRenderingAttachmentInfo> colors;
+  VkRenderingAttachmentInfo depth{VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO};
+  bool has_depth = false;
+  for (const Access& access : stage.accesses) {
+    const bool is_color = access.access == HEDDLE_ACCESS_COLOR;
+    const bool is_depth = access.access == HEDDLE_ACCESS_DEPTH || access.access == HEDDLE_ACCESS_DEPTH_READ;
+    const auto found = pass.ports.find(access.port);
+    if ((!is_color && !is_depth) || found == pass.ports.end()) continue;
+    const ResourceState& target = root(found->second);
+    VkRenderingAttachmentInfo attachment{VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO};
+    attachment.imageView = target.image.layer_view(std::min(layer, target.image.shape().layers - 1), 0);
+    attachment.imageLayout = target.layout;
+    attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
+    attachment.loadOp = !is_first || access.load == HEDDLE_LOAD_KEEP ? VK_ATTACHMENT_LOAD_OP_LOAD
+                        : access.load == HEDDLE_LOAD_CLEAR           ? VK_ATTACHMENT_LOAD_OP_CLEAR
+                                                                     : VK_ATTACHMENT_LOAD_OP_DONT_CARE;
+    if (is_depth) {
+      attachment.clearValue.depthStencil = {access.clear[0], 0};
+      depth = attachment;
+      has_depth = true;
+    } else {
+      std::copy(access.clear.begin(), access.clear.end(), attachment.clearValue.color.float32);
+      colors.push_back(attachment);
+    }
+  }
+  VkRenderingInfo info_rendering{VK_STRUCTURE_TYPE_RENDERING_INFO};
+  info_rendering.renderArea.extent = attachment_extent(pass, stage);
+  info_rendering.layerCount = 1;
+  info_rendering.colorAttachmentCount = static_cast<std::uint32_t>(colors.size());
+  info_rendering.pColorAttachments = colors.data();
+  info_rendering.pDepthAttachment = has_depth ? &depth : nullptr;
+  const heddle_vulkan& vk = device->table();
+  if (!is_first) {
+    // Later drawings of the stage into the same layer follow the earlier ones.
+    VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
+    memory.srcStageMask = VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT | VK_PIPELINE_STAGE_2_LATE_FRAGMENT_TESTS_BIT;
+    memory.srcAccessMask = VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT | VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT;
+    memory.dstStageMask =
+        VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT | VK_PIPELINE_STAGE_2_EARLY_FRAGMENT_TESTS_BIT;
+    memory.dstAccessMask = VK_ACCESS_2_COLOR_ATTACHMENT_READ_BIT | VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT |
+                           VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_READ_BIT |
+                           VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT;
+    VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+    dependency.memoryBarrierCount = 1;
+    dependency.pMemoryBarriers = &memory;
+    vk.CmdPipelineBarrier2(frame.commands, &dependency);
+  }
+  vk.CmdBeginRendering(frame.commands, &info_rendering);
+}
+
+vulkan::Buffer Executor::State::switch_table(const Pass& caller, const std::string& role) {
+  const auto binding = std::find_if(caller.functions.begin(), caller.functions.end(),
+                                    [&](const FunctionBinding& candidate) { return candidate.role == role; });
+  std::vector<PassIndex> providers;
+  if (binding != caller.functions.end()) {
+    std::copy_if(binding->providers.begin(), binding->providers.end(), std::back_inserter(providers),
+                 [&](PassIndex index) { return !graph.passes[index].is_pruned; });
+  }
+  // Every name or type that a key answers to, for each key.
+  std::vector<std::vector<std::string>> keys;
+  const std::string& selector = services.registry.find_role(role)->selector;
+  if (selector == "light") {
+    if (const auto lights = caller.ports.find("lights"); lights != caller.ports.end()) {
+      const std::vector<std::byte>& bytes = resources[lights->second].value.bytes;
+      for (std::size_t offset = 0; offset + sizeof(HeddleLight) <= bytes.size(); offset += sizeof(HeddleLight)) {
+        HeddleLight light;
+        std::memcpy(&light, bytes.data() + offset, sizeof light);
+        keys.push_back({light_type_name(light.type)});
+        if (light.id < scene->lights.size()) keys.back().push_back(scene->lights[light.id].name);
+      }
+    }
+  } else if (selector == "material") {
+    for (const scene::Material& material : scene->materials) keys.push_back({material.name});
+  }
+  // The last provider that names a key serves it; else the first that names nothing; else the first.
+  std::uint32_t fallback = 0;
+  for (std::uint32_t i = static_cast<std::uint32_t>(providers.size()); i-- > 0;) {
+    if (graph.passes[providers[i]].serves.empty()) fallback = i;
+  }
+  std::vector<std::uint32_t> table(std::max<std::size_t>(keys.size(), 4), fallback);
+  for (std::size_t key = 0; key < keys.size(); ++key) {
+    for (std::uint32_t i = 0; i < providers.size(); ++i) {
+      for (const std::string& name : graph.passes[providers[i]].serves) {
+        if (std::find(keys[key].begin(), keys[key].end(), name) != keys[key].end()) table[key] = i;
+      }
+    }
+  }
+  vulkan::Buffer buffer = device->make_buffer(table.size() * 4, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, true);
+  std::memcpy(buffer.data(), table.data(), table.size() * 4);
+  return buffer;
+}
+
+VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderState& shader, std::uint32_t set) {
+  const VkDescriptorSet allocated = allocate_set(shader.pipeline.set_layout(set));
+  const std::size_t count = shader.compiled.bindings.size();
+  std::vector<VkWriteDescriptorSet> writes;
+  std::vector<VkDescriptorImageInfo> images(count);
+  std::vector<VkDescriptorBufferInfo> buffers(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const vulkan::Binding& binding = shader.compiled.bindings[i];
+    if (binding.set != set) continue;
+    VkWriteDescriptorSet write{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
+    write.dstSet = allocated;
+    write.dstBinding = binding.binding;
+    write.descriptorCount = 1;
+    write.pImageInfo = &images[i];
+    write.pBufferInfo = &buffers[i];
+    const auto owner = std::find_if(graph.passes.begin(), graph.passes.end(),
+                                    [&](const Pass& pass) { return pass.name == binding.pass; });
+    const auto resource_of = [&]() -> ResourceIndex { return owner->ports.at(binding.port); };
+    switch (binding.kind) {
+      case vulkan::Binding::Kind::kSampledImage: {
+        write.descriptorType = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
+        const ResourceIndex resource = resource_of();
+        const auto sampler = binding.access == HEDDLE_ACCESS_SAMPLED_COMPARE  ? vulkan::Device::Sampler::kCompareClamp
+                             : binding.access == HEDDLE_ACCESS_SAMPLED_LINEAR ? vulkan::Device::Sampler::kLinearClamp
+                                                                              : vulkan::Device::Sampler::kNearestClamp;
+        images[i] = {
+            device->sampler(sampler), root(resource).image.view(),
+            access_info(binding.access, PortType::kImage, graph.resources[resources[resource].root].format).layout};
+        break;
+      }
+      case vulkan::Binding::Kind::kStorageImage:
+        write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_IMAGE;
+        images[i] = {VK_NULL_HANDLE, root(resource_of()).image.mip_view(0), VK_IMAGE_LAYOUT_GENERAL};
+        break;
+      case vulkan::Binding::Kind::kStorageBuffer: {
+        write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+        const ResourceIndex resource = resource_of();
+        if (graph.resources[resource].type == PortType::kValue) {
+          if (!resources[resource].value.is_set) set_value(resource, {});
+          const Value& stored = resources[resource].value;
+          buffers[i] = {stored.storage.handle(), 0, stored.storage_range};
+        } else {
+          buffers[i] = {root(resource).buffer.handle(), 0, VK_WHOLE_SIZE};
+        }
+        break;
+      }
+      case vulkan::Binding::Kind::kUniformBuffer: {
+        write.descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
+        const ResourceIndex resource = resource_of();
+        if (!resources[resource].value.is_set) {
+          set_value(resource, std::vector<std::byte>(std::max<std::uint64_t>(graph.resources[resource].byte_size, 16)));
+        }
+        buffers[i] = {resources[resource].value.uniform.handle(), 0, VK_WHOLE_SIZE};
+        break;
+      }
+      case vulkan::Binding::Kind::kParameters:
+        write.descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
+        buffers[i] = {passes[static_cast<std::size_t>(owner - graph.passes.begin())]->parameters.handle(), 0,
+                      VK_WHOLE_SIZE};
+        break;
+      case vulkan::Binding::Kind::kSwitchTable:
+        write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+        frame_buffers.push_back(switch_table(pass_of(state), binding.role));
+        buffers[i] = {frame_buffers.back().handle(), 0, VK_WHOLE_SIZE};
+        break;
+    }
+    writes.push_back(write);
+  }
+  device->table().UpdateDescriptorSets(device->table().device, static_cast<std::uint32_t>(writes.size()), writes.data(),
+                                       0, nullptr);
+  return allocated;
+}
+
+void Executor::State::bind(const PassState& state, const ShaderState& shader, const vulkan::Pipeline& pipeline,
+                           const void* push, std::uint32_t push_bytes) {
+  const heddle_vulkan& vk = device->table();
+  vk.CmdBindPipeline(commands, pipeline.bind_point(), pipeline.handle());
+  if (&pipeline == &shader.pipeline) {
+    for (std::uint32_t set = 0; set < 2; ++set) {
+      const bool is_used = std::any_of(shader.compiled.bindings.begin(), shader.compiled.bindings.end(),
+                                       [&](const vulkan::Binding& binding) { return binding.set == set; });
+      if (!is_used) continue;
+      const VkDescriptorSet made = port_set(state, shader, set);
+      vk.CmdBindDescriptorSets(commands, pipeline.bind_point(), pipeline.layout(), set, 1, &made, 0, nullptr);
+    }
+    const std::uint32_t size = std::min(shader.compiled.push_bytes, push_bytes);
+    if (size > 0 && push != nullptr) {
+      vk.CmdPushConstants(commands, pipeline.layout(),
+                          pipeline.bind_point() == VK_PIPELINE_BIND_POINT_COMPUTE ? VK_SHADER_STAGE_COMPUTE_BIT
+                                                                                  : VK_SHADER_STAGE_FRAGMENT_BIT,
+                          0, size, push);
+    }
+  }
+}
+
+}  // namespace heddle::graph

@@ -1,0 +1,449 @@
+// SPDX-License-Identifier: Apache-2.0
+// One frame: scene values in, stages in order with their barriers, kept resources readable at the end.
+
+#include "graph/execute_state.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstring>
+#include <ctime>
+
+namespace heddle::graph {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double milliseconds_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+double process_cpu_ms() {
+  timespec now{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
+  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
+}
+
+VkImageAspectFlags aspect_of(std::uint32_t format) {
+  return vulkan::format_info(static_cast<VkFormat>(format)).is_depth ? VK_IMAGE_ASPECT_DEPTH_BIT
+                                                                     : VK_IMAGE_ASPECT_COLOR_BIT;
+}
+
+}  // namespace
+
+void Executor::State::throw_if_failed(const PassState& state, heddle_status status, std::string_view what) {
+  if (status == HEDDLE_OK && errors.empty()) return;
+  std::vector<Diagnostic> all = std::move(errors);
+  errors.clear();
+  if (all.empty()) {
+    const Pass& pass = pass_of(state);
+    Diagnostic diagnostic;
+    diagnostic.where = pass.where;
+    diagnostic.message = fmt::format("pass '{}': technique '{}' failed in {} with status {} and gave no reason",
+                                     pass.name, pass.entry.technique->id, what, status);
+    all.push_back(std::move(diagnostic));
+  }
+  throw Error(status == HEDDLE_OK ? HEDDLE_FAILED : status, std::move(all));
+}
+
+void Executor::State::begin_commands() {
+  const heddle_vulkan& vk = device->table();
+  if (command_buffer_count == command_buffers.size()) {
+    VkCommandBufferAllocateInfo allocate{VK_STRUCTURE_TYPE_COMMAND_BUFFER_ALLOCATE_INFO};
+    allocate.commandPool = command_pool;
+    allocate.level = VK_COMMAND_BUFFER_LEVEL_PRIMARY;
+    allocate.commandBufferCount = 1;
+    VkCommandBuffer made = VK_NULL_HANDLE;
+    vulkan::check(vk.AllocateCommandBuffers(vk.device, &allocate, &made), "vkAllocateCommandBuffers");
+    command_buffers.push_back(made);
+  }
+  commands = command_buffers[command_buffer_count++];
+  VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
+  begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
+  vulkan::check(vk.BeginCommandBuffer(commands, &begin), "vkBeginCommandBuffer");
+}
+
+void Executor::State::submit_and_wait() {
+  const heddle_vulkan& vk = device->table();
+  vulkan::check(vk.EndCommandBuffer(commands), "vkEndCommandBuffer");
+  VkCommandBufferSubmitInfo buffer{VK_STRUCTURE_TYPE_COMMAND_BUFFER_SUBMIT_INFO};
+  buffer.commandBuffer = commands;
+  VkSubmitInfo2 submit{VK_STRUCTURE_TYPE_SUBMIT_INFO_2};
+  submit.commandBufferInfoCount = 1;
+  submit.pCommandBufferInfos = &buffer;
+  const auto start = Clock::now();
+  vulkan::check(vk.QueueSubmit2(device->queue(), 1, &submit, fence), "vkQueueSubmit2");
+  vulkan::check(vk.WaitForFences(vk.device, 1, &fence, VK_TRUE, ~0ULL), "vkWaitForFences");
+  stats.submit_ms += milliseconds_since(start);
+  vulkan::check(vk.ResetFences(vk.device, 1, &fence), "vkResetFences");
+  commands = VK_NULL_HANDLE;
+}
+
+void Executor::State::record_barriers(std::span<const Barrier> list) {
+  std::vector<VkImageMemoryBarrier2> images;
+  std::vector<VkBufferMemoryBarrier2> buffers;
+  for (const Barrier& barrier : list) {
+    const ResourceIndex first = resources[barrier.resource].root;
+    ResourceState& state = resources[first];
+    if (state.image) {
+      VkImageMemoryBarrier2 image{VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2};
+      image.srcStageMask = barrier.source_stages;
+      image.srcAccessMask = barrier.source_access;
+      image.dstStageMask = barrier.target_stages;
+      image.dstAccessMask = barrier.target_access;
+      image.oldLayout = barrier.old_layout;
+      image.newLayout = barrier.new_layout;
+      image.srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
+      image.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
+      image.image = state.image.handle();
+      image.subresourceRange = {aspect_of(graph.resources[first].format), 0, VK_REMAINING_MIP_LEVELS, 0,
+                                VK_REMAINING_ARRAY_LAYERS};
+      images.push_back(image);
+      state.layout = barrier.new_layout;
+    } else if (state.buffer) {
+      VkBufferMemoryBarrier2 buffer{VK_STRUCTURE_TYPE_BUFFER_MEMORY_BARRIER_2};
+      buffer.srcStageMask = barrier.source_stages;
+      buffer.srcAccessMask = barrier.source_access;
+      buffer.dstStageMask = barrier.target_stages;
+      buffer.dstAccessMask = barrier.target_access;
+      buffer.srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
+      buffer.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
+      buffer.buffer = state.buffer.handle();
+      buffer.size = VK_WHOLE_SIZE;
+      buffers.push_back(buffer);
+    }
+  }
+  if (images.empty() && buffers.empty()) return;
+  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+  dependency.imageMemoryBarrierCount = static_cast<std::uint32_t>(images.size());
+  dependency.pImageMemoryBarriers = images.data();
+  dependency.bufferMemoryBarrierCount = static_cast<std::uint32_t>(buffers.size());
+  dependency.pBufferMemoryBarriers = buffers.data();
+  device->table().CmdPipelineBarrier2(commands, &dependency);
+}
+
+void Executor::State::clear_image(ResourceState& state, const Resource& resource, const std::array<double, 4>& value) {
+  const heddle_vulkan& vk = device->table();
+  VkImageMemoryBarrier2 barrier{VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2};
+  barrier.srcStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+  barrier.srcAccessMask = VK_ACCESS_2_MEMORY_WRITE_BIT;
+  barrier.dstStageMask = VK_PIPELINE_STAGE_2_CLEAR_BIT;
+  barrier.dstAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
+  barrier.newLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
+  barrier.srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
+  barrier.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
+  barrier.image = state.image.handle();
+  barrier.subresourceRange = {aspect_of(resource.format), 0, VK_REMAINING_MIP_LEVELS, 0, VK_REMAINING_ARRAY_LAYERS};
+  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+  dependency.imageMemoryBarrierCount = 1;
+  dependency.pImageMemoryBarriers = &barrier;
+  vk.CmdPipelineBarrier2(commands, &dependency);
+  if (aspect_of(resource.format) == VK_IMAGE_ASPECT_DEPTH_BIT) {
+    // A depth attachment knows no infinity; 0 is the far plane of reversed depth.
+    const VkClearDepthStencilValue depth{0.0F, 0};
+    vk.CmdClearDepthStencilImage(commands, state.image.handle(), VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, &depth, 1,
+                                 &barrier.subresourceRange);
+  } else {
+    VkClearColorValue color{};
+    for (std::size_t i = 0; i < 4; ++i) color.float32[i] = static_cast<float>(value[i]);
+    vk.CmdClearColorImage(commands, state.image.handle(), VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, &color, 1,
+                          &barrier.subresourceRange);
+  }
+  state.layout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
+}
+
+void Executor::State::set_value(ResourceIndex resource, std::span<const std::byte> bytes) {
+  Value& value = resources[resource].value;
+  value.bytes.assign(bytes.begin(), bytes.end());
+  value.is_set = true;
+  const auto grow = [&](vulkan::Buffer& buffer, std::uint64_t size, VkBufferUsageFlags usage) {
+    if (buffer && buffer.size() >= size) return;
+    if (buffer) frame_buffers.push_back(std::move(buffer));  // commands of this frame may still read it
+    buffer = device->make_buffer(std::max<std::uint64_t>(size * 2, 1024), usage, true);
+  };
+  // A value may be written once more within a frame only before anything recorded reads it; the device sees the last.
+  grow(value.uniform, bytes.size(), VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT);
+  grow(value.storage, bytes.size() + 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  std::memset(value.storage.data(), 0, 16);
+  if (!bytes.empty()) {
+    std::memcpy(value.uniform.data(), bytes.data(), bytes.size());
+    std::memcpy(value.storage.data() + 16, bytes.data(), bytes.size());
+  }
+  value.uniform_range = std::max<std::uint64_t>(bytes.size(), 16);
+  value.storage_range = bytes.size() + 16;
+}
+
+void Executor::State::set_scene_values(const scene::Scene& rendered) {
+  const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
+  origin = {camera.position[0], camera.position[1], camera.position[2]};
+  const HeddleView view = scene::make_view(camera, graph.width, graph.height, origin,
+                                           info.cut != 0 || !previous_camera ? nullptr : &*previous_camera);
+  const std::vector<HeddleLight> lights = scene::SceneBuffers::lights(rendered, origin);
+  for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+    const Resource& resource = graph.resources[i];
+    if (resource.producer != kNoIndex || resource.type != PortType::kValue) continue;
+    if (resource.port == "camera") set_value(i, std::as_bytes(std::span(&view, 1)));
+    if (resource.port == "lights") set_value(i, std::as_bytes(std::span(lights)));
+  }
+  previous_camera = camera;
+  if (!scene_buffers || scene != &rendered) {
+    scene_buffers = std::make_unique<scene::SceneBuffers>(*device, materials_layout);
+    scene = &rendered;
+  }
+  scene_buffers->update(rendered, origin);
+  for (std::size_t i = 0; i < 3; ++i) info.origin[i] = origin[static_cast<glm::length_t>(i)];
+}
+
+std::uint32_t Executor::State::add_view(const HeddleView& view) {
+  // 512 bytes apart: a multiple of every device's minUniformBufferOffsetAlignment (at most 256) that holds a view.
+  constexpr std::uint32_t kStride = 512;
+  static_assert(sizeof(HeddleView) <= kStride);
+  if (!views || (view_count + 1) * std::uint64_t{kStride} > views.size()) {
+    const std::uint64_t size = std::max<std::uint64_t>(views ? views.size() * 2 : 0, 256 * std::uint64_t{kStride});
+    if (views) frame_buffers.push_back(std::move(views));
+    views = device->make_buffer(size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, true);
+    view_count = 0;
+    program_set = VK_NULL_HANDLE;
+  }
+  const std::uint32_t offset = view_count * kStride;
+  std::memcpy(views.data() + offset, &view, sizeof view);
+  ++view_count;
+  if (program_set == VK_NULL_HANDLE) {
+    const heddle_vulkan& vk = device->table();
+    program_set = allocate_set(program_layout);
+    const std::array<VkDescriptorBufferInfo, 4> buffers{{{scene_buffers->vertices().handle(), 0, VK_WHOLE_SIZE},
+                                                         {scene_buffers->instances().handle(), 0, VK_WHOLE_SIZE},
+                                                         {scene_buffers->materials().handle(), 0, VK_WHOLE_SIZE},
+                                                         {views.handle(), 0, sizeof(HeddleView)}}};
+    std::array<VkWriteDescriptorSet, 4> writes{};
+    for (std::uint32_t i = 0; i < writes.size(); ++i) {
+      writes[i] = {VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
+      writes[i].dstSet = program_set;
+      writes[i].dstBinding = i;
+      writes[i].descriptorCount = 1;
+      writes[i].descriptorType = i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+      writes[i].pBufferInfo = &buffers[i];
+    }
+    vk.UpdateDescriptorSets(vk.device, writes.size(), writes.data(), 0, nullptr);
+  }
+  return offset;
+}
+
+void Executor::State::write_neutral(PassState& state, const ScheduledStage& stage, heddle_frame& frame) {
+  (void)frame;
+  const Pass& pass = pass_of(state);
+  const Stage& declared = technique_of(state).stages[stage.stage];
+  for (const Access& access : declared.accesses) {
+    const auto found = pass.ports.find(access.port);
+    if (found == pass.ports.end()) continue;
+    const AccessInfo use = access_info(access.access, PortType::kImage, graph.resources[found->second].format);
+    ResourceState& target = root(found->second);
+    if (!use.writes || !target.image) continue;
+    const RolePort* port = pass.role->find_port(access.port);
+    const VkImageLayout layout = target.layout;
+    clear_image(target, graph.resources[target.root], port != nullptr ? port->neutral : std::array<double, 4>{});
+    Barrier back;
+    back.resource = found->second;
+    back.source_stages = VK_PIPELINE_STAGE_2_CLEAR_BIT;
+    back.source_access = VK_ACCESS_2_TRANSFER_WRITE_BIT;
+    back.target_stages = use.stages;
+    back.target_access = use.access;
+    back.old_layout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
+    back.new_layout = layout;
+    record_barriers({&back, 1});
+  }
+}
+
+void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& scheduled, heddle_frame& frame) {
+  const Pass& pass = pass_of(state);
+  const Stage& declared = technique_of(state).stages[scheduled.stage];
+  const heddle_vulkan& vk = device->table();
+  bool reads_device = false;
+  // Host memory for every image and buffer that the stage touches; what it reads is copied before it runs.
+  for (const Access& access : declared.accesses) {
+    if (access.access != HEDDLE_ACCESS_HOST_READ && access.access != HEDDLE_ACCESS_HOST_WRITE) continue;
+    const auto found = pass.ports.find(access.port);
+    if (found == pass.ports.end()) continue;
+    ResourceState& target = root(found->second);
+    if (!target.image && !target.buffer) continue;
+    const Resource& resource = graph.resources[target.root];
+    heddle_frame::Mapping mapping;
+    mapping.port = access.port;
+    mapping.is_written = access.access == HEDDLE_ACCESS_HOST_WRITE;
+    const std::uint64_t bytes =
+        target.image ? std::uint64_t{vulkan::format_info(static_cast<VkFormat>(resource.format)).texel_bytes} *
+                           resource.width * resource.height * std::max(resource.layers, 1U)
+                     : target.buffer.size();
+    mapping.staging =
+        device->make_buffer(bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
+    if (!mapping.is_written) {
+      reads_device = true;
+      if (target.image) {
+        VkBufferImageCopy region{};
+        region.imageSubresource = {aspect_of(resource.format), 0, 0, std::max(resource.layers, 1U)};
+        region.imageExtent = {resource.width, resource.height, 1};
+        vk.CmdCopyImageToBuffer(commands, target.image.handle(), target.layout, mapping.staging.handle(), 1, &region);
+      } else {
+        const VkBufferCopy region{0, 0, bytes};
+        vk.CmdCopyBuffer(commands, target.buffer.handle(), mapping.staging.handle(), 1, &region);
+      }
+      device->count_read_back(bytes);
+    }
+    frame.mappings.push_back(std::move(mapping));
+  }
+  if (reads_device) {
+    VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
+    memory.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT;
+    memory.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
+    memory.dstStageMask = VK_PIPELINE_STAGE_2_HOST_BIT;
+    memory.dstAccessMask = VK_ACCESS_2_HOST_READ_BIT;
+    VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+    dependency.memoryBarrierCount = 1;
+    dependency.pMemoryBarriers = &memory;
+    vk.CmdPipelineBarrier2(commands, &dependency);
+    submit_and_wait();
+    begin_commands();
+  }
+  if (state.descriptor->execute != nullptr) {
+    throw_if_failed(state, state.descriptor->execute(state.object, &state.api, scheduled.stage, &frame, &info),
+                    "execute");
+  }
+  for (heddle_frame::Mapping& mapping : frame.mappings) {
+    if (mapping.is_written) {
+      const ResourceIndex written = pass.ports.find(mapping.port)->second;
+      ResourceState& target = root(written);
+      const Resource& resource = graph.resources[target.root];
+      if (target.image) {
+        VkBufferImageCopy region{};
+        region.imageSubresource = {aspect_of(resource.format), 0, 0, std::max(resource.layers, 1U)};
+        region.imageExtent = {resource.width, resource.height, 1};
+        vk.CmdCopyBufferToImage(commands, mapping.staging.handle(), target.image.handle(), target.layout, 1, &region);
+      } else {
+        const VkBufferCopy region{0, 0, mapping.staging.size()};
+        vk.CmdCopyBuffer(commands, mapping.staging.handle(), target.buffer.handle(), 1, &region);
+      }
+      device->count_upload(mapping.staging.size());
+    }
+    frame_buffers.push_back(std::move(mapping.staging));
+  }
+}
+
+void Executor::State::run_stage(std::uint32_t index) {
+  const ScheduledStage& scheduled = order.stages[index];
+  PassState& state = *passes[scheduled.pass];
+  heddle_frame frame;
+  frame.stage = &scheduled;
+  const std::uint32_t activity =
+      state.descriptor->activity != nullptr
+          ? state.descriptor->activity(state.object, &state.api, scheduled.stage, &frame, &info)
+          : HEDDLE_RUN;
+  record_barriers(barriers.before[index]);
+  if (activity == HEDDLE_KEEP) return;
+  if (activity == HEDDLE_NOTHING) {
+    write_neutral(state, scheduled, frame);
+    return;
+  }
+  if (scheduled.kind == StageKind::kCpu) {
+    run_cpu_stage(state, scheduled, frame);
+    return;
+  }
+  frame.commands = commands;
+  if (state.descriptor->record != nullptr) {
+    throw_if_failed(state, state.descriptor->record(state.object, &state.api, scheduled.stage, &frame, &info),
+                    "record");
+  }
+}
+
+void Executor::render(const scene::Scene& rendered, const FrameOptions& options) {
+  State& s = *state_;
+  const auto start = Clock::now();
+  // Nothing of a failed frame may reach the next: its plan, values and recorded commands go.
+  try {
+    if (!s.is_planned || rendered.features() != s.planned_features) s.plan(rendered);
+    const heddle_vulkan& vk = s.device->table();
+    vulkan::check(vk.ResetCommandPool(vk.device, s.command_pool, 0), "vkResetCommandPool");
+    s.command_buffer_count = 0;
+    for (VkDescriptorPool pool : s.descriptor_pools) (void)vk.ResetDescriptorPool(vk.device, pool, 0);
+    s.descriptor_pool = 0;
+    s.frame_buffers.clear();
+    s.view_count = 0;
+    s.program_set = VK_NULL_HANDLE;
+    s.errors.clear();
+    s.stats.stages.clear();
+    s.stats.submit_ms = 0;
+    s.stats.before = s.device->counters();
+    s.info.struct_size = sizeof s.info;
+    s.info.cut = options.cut || s.stats.frame == 0 ? 1U : 0U;
+    s.info.index = s.stats.frame;
+    s.info.time = options.time;
+    s.info.time_step = options.time_step;
+    s.info.seed = options.seed;
+    s.set_scene_values(rendered);
+    s.begin_commands();
+    for (std::uint32_t i = 0; i < s.order.stages.size(); ++i) {
+      const auto stage_start = Clock::now();
+      const double cpu_start = process_cpu_ms();
+      s.run_stage(i);
+      if (options.profile) {
+        s.submit_and_wait();
+        s.begin_commands();
+        const ScheduledStage& scheduled = s.order.stages[i];
+        const Pass& pass = s.graph.passes[scheduled.pass];
+        s.stats.stages.push_back({pass.name, pass.entry.technique->stages[scheduled.stage].name,
+                                  milliseconds_since(stage_start), process_cpu_ms() - cpu_start});
+      }
+    }
+    s.record_barriers(s.barriers.at_end);
+    s.submit_and_wait();
+    s.frame_buffers.clear();
+    s.stats.after = s.device->counters();
+    s.stats.wall_ms = milliseconds_since(start);
+    ++s.stats.frame;
+    const std::vector<std::string> complaints = s.device->take_validation_errors();
+    if (!complaints.empty()) {
+      std::vector<Diagnostic> all;
+      for (const std::string& complaint : complaints) {
+        Diagnostic diagnostic;
+        diagnostic.where.file = s.graph.file;
+        diagnostic.message = "the validation layer found: " + complaint;
+        all.push_back(std::move(diagnostic));
+      }
+      throw Error(HEDDLE_BUG, std::move(all));
+    }
+  } catch (...) {
+    s.commands = VK_NULL_HANDLE;
+    s.previous_camera.reset();
+    s.unplan();
+    throw;
+  }
+}
+
+Executor::ReadBack Executor::read(std::string_view name, std::uint32_t layer, std::uint32_t mip) {
+  State& s = *state_;
+  const ResourceIndex resource = name.empty() ? s.graph.output : find_resource(s.graph, name);
+  if (!s.is_planned || s.stats.frame == 0) {
+    throw Error(HEDDLE_BAD_INPUT, "nothing was rendered yet", "render a frame before reading a port");
+  }
+  if (std::find(s.wanted.begin(), s.wanted.end(), resource) == s.wanted.end()) {
+    throw Error(HEDDLE_BAD_INPUT,
+                fmt::format("port '{}' was not kept: its memory may hold something else by now", name),
+                "ask for it with heddle_graph_keep before the frame");
+  }
+  const ResourceState& state = s.resources[s.resources[resource].root];
+  if (!state.image) throw Error(HEDDLE_BAD_INPUT, fmt::format("port '{}' is not an image that a pass made", name));
+  const vulkan::ImageShape& shape = state.image.shape();
+  if (layer >= shape.layers || mip >= shape.mips) {
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("port '{}' has {} layers and {} mips; layer {}, mip {} were asked for",
+                                              name, shape.layers, shape.mips, layer, mip));
+  }
+  ReadBack result;
+  result.width = std::max(shape.width >> mip, 1U);
+  result.height = std::max(shape.height >> mip, 1U);
+  result.channels = vulkan::format_info(shape.format).channels;
+  result.pixels = vulkan::to_float(s.device->read_back(state.image, layer, mip, state.layout), shape.format);
+  return result;
+}
+
+}  // namespace heddle::graph

@@ -1,0 +1,481 @@
+// SPDX-License-Identifier: Apache-2.0
+// Resolved graph and scene features -> everything a frame needs: open plugins, placed memory, pipelines.
+
+#include "graph/execute_state.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+
+namespace heddle::graph {
+
+namespace {
+
+constexpr std::uint32_t kSetsInPool = 512;
+
+/// Passes in an order in which producers come before consumers.
+std::vector<PassIndex> dependency_order(const ResolvedGraph& graph) {
+  std::vector<PassIndex> order;
+  std::vector<std::uint8_t> seen(graph.passes.size(), 0);
+  std::function<void(PassIndex)> visit = [&](PassIndex index) {
+    if (seen[index] != 0) return;
+    seen[index] = 1;
+    for (const PassIndex before : graph.passes[index].dependencies) visit(before);
+    order.push_back(index);
+  };
+  for (PassIndex i = 0; i < graph.passes.size(); ++i) visit(i);
+  return order;
+}
+
+bool has_memory(const Resource& resource) {
+  return resource.producer != kNoIndex && resource.previous_version == kNoIndex &&
+         (resource.type == PortType::kImage || resource.type == PortType::kBuffer);
+}
+
+constexpr VkBufferUsageFlags kPortBufferUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
+                                                VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
+                                                VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+
+}  // namespace
+
+void Executor::State::open_device() {
+  if (device != nullptr) return;
+  vulkan::Device& opened = services.device();
+  const heddle_vulkan& vk = opened.table();
+  maker = std::make_unique<vulkan::PipelineMaker>(opened);
+  materials_layout = scene::make_materials_layout(opened);
+
+  // Set 3 as shader.hpp describes it: vertices, instances, materials, and the view of one drawing.
+  std::array<VkDescriptorSetLayoutBinding, 4> bindings{};
+  for (std::uint32_t i = 0; i < bindings.size(); ++i) {
+    bindings[i] = {i, i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
+                   VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, nullptr};
+  }
+  VkDescriptorSetLayoutCreateInfo layout_info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
+  layout_info.bindingCount = bindings.size();
+  layout_info.pBindings = bindings.data();
+  vulkan::check(vk.CreateDescriptorSetLayout(vk.device, &layout_info, nullptr, &program_layout),
+                "vkCreateDescriptorSetLayout");
+
+  VkCommandPoolCreateInfo pool_info{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO};
+  pool_info.queueFamilyIndex = opened.queue_family();
+  pool_info.flags = VK_COMMAND_POOL_CREATE_TRANSIENT_BIT;
+  vulkan::check(vk.CreateCommandPool(vk.device, &pool_info, nullptr, &command_pool), "vkCreateCommandPool");
+  const VkFenceCreateInfo fence_info{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
+  vulkan::check(vk.CreateFence(vk.device, &fence_info, nullptr, &fence), "vkCreateFence");
+  device = &opened;
+}
+
+void Executor::State::unplan() {
+  if (device != nullptr) (void)device->table().DeviceWaitIdle(device->table().device);
+  for (auto& pass : passes) {
+    if (pass && pass->object != nullptr && pass->descriptor->destroy != nullptr)
+      pass->descriptor->destroy(pass->object);
+  }
+  passes.clear();
+  resources.clear();
+  frame_buffers.clear();
+  heap = {};
+  is_planned = false;
+}
+
+void Executor::State::plan(const scene::Scene& planned_scene) {
+  open_device();
+  unplan();
+  errors.clear();
+  graph = original;
+  planned_features = planned_scene.features();
+  wanted.clear();
+  wanted.push_back(graph.output);
+  for (const std::string& name : kept_names) {
+    const ResourceIndex resource = find_resource(graph, name);
+    if (std::find(wanted.begin(), wanted.end(), resource) == wanted.end()) wanted.push_back(resource);
+  }
+  prune(graph, wanted, planned_features);
+  order = graph::order(graph);
+  resources.resize(graph.resources.size());
+  for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+    ResourceIndex first = i;
+    const bool shares_memory = graph.resources[i].type != PortType::kValue;
+    while (shares_memory && graph.resources[first].previous_version != kNoIndex) {
+      first = graph.resources[first].previous_version;
+    }
+    resources[i].root = first;
+  }
+  open_passes();
+  declare_passes();
+  place_resources();
+  initialize_kept();
+  for (const PassIndex index : dependency_order(graph)) {
+    PassState* pass = passes[index].get();
+    if (pass == nullptr || pass->descriptor->prepare == nullptr) continue;
+    throw_if_failed(*pass, pass->descriptor->prepare(pass->object, &pass->api), "prepare");
+  }
+  compile_passes();
+  is_planned = true;
+}
+
+void Executor::State::open_passes() {
+  passes.resize(graph.passes.size());
+  stats.libraries.clear();
+  for (PassIndex index = 0; index < graph.passes.size(); ++index) {
+    const Pass& pass = graph.passes[index];
+    if (pass.is_pruned) continue;
+    auto state = std::make_unique<PassState>();
+    state->executor_state = this;
+    state->index = index;
+    state->library = services.registry.open(pass.entry);
+    state->descriptor = &state->library->descriptor(pass.entry.technique->id);
+    state->layout = vulkan::parameter_layout(*pass.entry.technique);
+    fill_pass_host(*state, device->table());
+    stats.libraries.push_back(pass.entry.manifest->library.string());
+    passes[index] = std::move(state);
+    PassState& opened = *passes[index];
+    if (opened.descriptor->create != nullptr) {
+      throw_if_failed(opened, opened.descriptor->create(&opened.api, &opened.object), "create");
+    }
+  }
+  std::sort(stats.libraries.begin(), stats.libraries.end());
+  stats.libraries.erase(std::unique(stats.libraries.begin(), stats.libraries.end()), stats.libraries.end());
+}
+
+void Executor::State::declare_passes() {
+  for (const PassIndex index : dependency_order(graph)) {
+    PassState* pass = passes[index].get();
+    if (pass == nullptr) continue;
+    if (pass->descriptor->declare != nullptr) {
+      pass->is_declaring = true;
+      const heddle_status status = pass->descriptor->declare(pass->object, &pass->api);
+      pass->is_declaring = false;
+      throw_if_failed(*pass, status, "declare");
+    }
+    for (const auto& [port, source] : graph.passes[index].inout_sources) {
+      Resource& made = graph.resources[graph.passes[index].ports.at(port)];
+      if (made.type == PortType::kValue) continue;
+      const Resource& read = graph.resources[source];
+      made.format = read.format;
+      made.width = read.width;
+      made.height = read.height;
+      made.layers = read.layers;
+      made.mips = read.mips;
+      made.byte_size = read.byte_size;
+    }
+  }
+}
+
+vulkan::ImageShape Executor::State::image_shape(const Resource& resource) const {
+  vulkan::ImageShape shape;
+  shape.format = static_cast<VkFormat>(resource.format);
+  shape.width = std::max(resource.width, 1U);
+  shape.height = std::max(resource.height, 1U);
+  shape.layers = std::max(resource.layers, 1U);
+  shape.mips = std::max(resource.mips, 1U);
+  shape.is_cube = (resource.flags & HEDDLE_PORT_CUBE) != 0;
+  return shape;
+}
+
+void Executor::State::place_resources() {
+  std::vector<MemoryNeed> needs(graph.resources.size());
+  std::uint32_t memory_types = ~0U;
+  std::vector<std::uint8_t> is_alive(graph.resources.size(), 0);
+  for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+    const Resource& resource = graph.resources[i];
+    if (!has_memory(resource) || !passes[resource.producer]) continue;
+    is_alive[i] = 1;
+    VkMemoryRequirements need{};
+    if (resource.type == PortType::kImage) {
+      if (resource.format == VK_FORMAT_UNDEFINED) {
+        throw Error(HEDDLE_BUG, fmt::format("resource '{}' has no format: neither its descriptor nor declare gave one",
+                                            resource.name));
+      }
+      need = device->image_requirements(image_shape(resource));
+    } else {
+      need = device->buffer_requirements(std::max<std::uint64_t>(resource.byte_size, 16), kPortBufferUsage);
+    }
+    needs[i] = {need.size, need.alignment};
+    memory_types &= need.memoryTypeBits;
+  }
+  std::vector<ResourceIndex> pinned = wanted;
+  for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+    if (graph.resources[i].is_kept) pinned.push_back(i);
+    // No memory type serves all images and buffers together on this device: buffers then live apart.
+    if (memory_types == 0 && graph.resources[i].type == PortType::kBuffer) pinned.push_back(i);
+  }
+  placement = alias(graph, order, needs, pinned);
+  barriers = plan_barriers(graph, order, placement, wanted);
+  if (memory_types == 0) {
+    memory_types = ~0U;
+    for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+      if (is_alive[i] != 0 && graph.resources[i].type == PortType::kImage) {
+        memory_types &= device->image_requirements(image_shape(graph.resources[i])).memoryTypeBits;
+      }
+    }
+  }
+  if (placement.heap_size > 0) heap = device->make_heap(placement.heap_size, memory_types);
+  kept_bytes = 0;
+  for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+    if (is_alive[i] == 0) continue;
+    const Resource& resource = graph.resources[i];
+    ResourceState& state = resources[i];
+    const std::uint64_t offset = placement.offset[i];
+    const bool is_own = offset == Placement::kOwnMemory;
+    if (is_own) kept_bytes += needs[i].size;
+    if (resource.type == PortType::kImage) {
+      const vulkan::ImageShape shape = image_shape(resource);
+      state.image = is_own ? device->make_image(shape) : device->place_image(shape, heap, offset);
+    } else {
+      const std::uint64_t size = std::max<std::uint64_t>(resource.byte_size, 16);
+      state.buffer = is_own ? device->make_buffer(size, kPortBufferUsage, false)
+                            : device->place_buffer(size, kPortBufferUsage, heap, offset);
+    }
+  }
+  stats.heap_bytes = placement.heap_size;
+  stats.unaliased_bytes = placement.unaliased_size;
+  stats.kept_bytes = kept_bytes;
+}
+
+void Executor::State::initialize_kept() {
+  device->run([&](VkCommandBuffer buffer) {
+    commands = buffer;
+    for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+      const Resource& resource = graph.resources[i];
+      ResourceState& state = resources[i];
+      const bool lasts = barriers.first_layout.size() > i && barriers.first_layout[i] != VK_IMAGE_LAYOUT_UNDEFINED;
+      if (state.image && lasts) {
+        const Pass& producer = graph.passes[resource.producer];
+        const RolePort* port = producer.role->find_port(resource.port);
+        clear_image(state, resource, port != nullptr ? port->neutral : std::array<double, 4>{0, 0, 0, 0});
+        Barrier barrier;
+        barrier.resource = i;
+        barrier.source_stages = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+        barrier.source_access = VK_ACCESS_2_MEMORY_WRITE_BIT;
+        barrier.target_stages = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+        barrier.target_access = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
+        barrier.old_layout = state.layout;
+        barrier.new_layout = barriers.first_layout[i];
+        record_barriers({&barrier, 1});
+      } else if (state.buffer && resource.is_kept) {
+        device->table().CmdFillBuffer(buffer, state.buffer.handle(), 0, VK_WHOLE_SIZE, 0);
+      }
+    }
+    commands = VK_NULL_HANDLE;
+  });
+}
+
+vulkan::BoundPort Executor::State::bound_port(const Pass& pass, const Access& access, const Stage* stage) const {
+  (void)stage;
+  vulkan::BoundPort bound;
+  const Port& port = *pass.entry.technique->find_port(access.port);
+  const RolePort* contract = pass.role->find_port(access.port);
+  bound.port = access.port;
+  bound.access = access.access;
+  bound.type = port.type;
+  bound.glsl = port.glsl;
+  if (contract != nullptr) bound.neutral = contract->neutral;
+  const auto found = pass.ports.find(access.port);
+  bound.is_bound = found != pass.ports.end();
+  if (bound.is_bound) {
+    const Resource& resource = graph.resources[resources[found->second].root];
+    bound.format = static_cast<VkFormat>(resource.format);
+    bound.layers = std::max(resource.layers, 1U);
+    bound.is_cube = (resource.flags & HEDDLE_PORT_CUBE) != 0;
+  }
+  return bound;
+}
+
+void Executor::State::add_role(const Pass& caller, const std::string& role,
+                               std::vector<vulkan::RoleRequest>& roles) const {
+  for (const vulkan::RoleRequest& present : roles) {
+    if (present.role->name == role) return;
+  }
+  const auto binding = std::find_if(caller.functions.begin(), caller.functions.end(),
+                                    [&](const FunctionBinding& candidate) { return candidate.role == role; });
+  vulkan::RoleRequest request;
+  request.role = services.registry.find_role(role);
+  if (request.role == nullptr) {
+    throw Error(HEDDLE_BUG, fmt::format("pass '{}' calls functions of an unknown role '{}'", caller.name, role));
+  }
+  request.join = request.role->join;
+  if (binding != caller.functions.end()) {
+    request.join = binding->join;
+    for (const PassIndex index : binding->providers) {
+      const Pass& provider = graph.passes[index];
+      if (provider.is_pruned) continue;
+      const Function* function = provider.entry.technique->find_function(role);
+      vulkan::ProviderRequest provided;
+      provided.pass = provider.name;
+      provided.technique = provider.entry.technique;
+      provided.folder = provider.entry.manifest->folder;
+      for (const Access& access : function->accesses) provided.ports.push_back(bound_port(provider, access, nullptr));
+      // Callees come first in the joined text.
+      for (const std::string& callee : function->calls) add_role(provider, callee, roles);
+      request.providers.push_back(std::move(provided));
+    }
+  }
+  roles.push_back(std::move(request));
+}
+
+vulkan::ShaderRequest Executor::State::shader_request(const PassState& state, const Shader& shader) const {
+  const Pass& pass = pass_of(state);
+  vulkan::ShaderRequest request;
+  request.pass = pass.name;
+  request.technique = pass.entry.technique;
+  request.shader = &shader;
+  request.folder = pass.entry.manifest->folder;
+  const Stage* stage = pass.entry.technique->find_stage(shader.stage);
+  for (const Access& access : stage->accesses) request.ports.push_back(bound_port(pass, access, stage));
+  for (const std::string& role : shader.calls) add_role(pass, role, request.roles);
+  const auto folders = services.registry.shared_folders();
+  request.shared_folders.assign(folders.begin(), folders.end());
+  return request;
+}
+
+vulkan::RasterState Executor::State::raster_state(const Pass& pass, const Shader& shader) const {
+  vulkan::RasterState raster;
+  const Stage* stage = pass.entry.technique->find_stage(shader.stage);
+  for (const Access& access : stage->accesses) {
+    const auto found = pass.ports.find(access.port);
+    if (found == pass.ports.end()) continue;
+    const auto format = static_cast<VkFormat>(graph.resources[resources[found->second].root].format);
+    if (access.access == HEDDLE_ACCESS_COLOR) raster.color_formats.push_back(format);
+    if (access.access == HEDDLE_ACCESS_DEPTH || access.access == HEDDLE_ACCESS_DEPTH_READ) {
+      raster.depth_format = format;
+      raster.depth_write = access.access == HEDDLE_ACCESS_DEPTH;
+    }
+  }
+  if (shader.depth_compare != 0) raster.depth_compare = static_cast<VkCompareOp>(shader.depth_compare);
+  raster.depth_bias_constant = shader.depth_bias_constant;
+  raster.depth_bias_slope = shader.depth_bias_slope;
+  return raster;
+}
+
+vulkan::Constants Executor::State::constants(const PassState& state) const {
+  vulkan::Constants values;
+  const Technique& technique = technique_of(state);
+  const Pass& pass = pass_of(state);
+  for (std::uint32_t i = 0; i < technique.parameters.size(); ++i) {
+    const Parameter& parameter = technique.parameters[i];
+    if ((parameter.flags & HEDDLE_PARAMETER_CONSTANT) == 0) continue;
+    const double number = pass.parameters[i].number[0];
+    std::uint32_t bits = 0;
+    if (parameter.type == ParameterType::kFloat) {
+      const auto value = static_cast<float>(number);
+      std::memcpy(&bits, &value, sizeof bits);
+    } else {
+      const auto value = static_cast<std::int32_t>(number);
+      std::memcpy(&bits, &value, sizeof bits);
+    }
+    values[i] = bits;
+  }
+  return values;
+}
+
+void Executor::State::write_parameters(PassState& state) {
+  if (state.layout.size == 0) return;
+  if (!state.parameters) {
+    state.parameters = device->make_buffer(state.layout.size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, true);
+  }
+  std::memset(state.parameters.data(), 0, state.layout.size);
+  const Technique& technique = technique_of(state);
+  const Pass& pass = pass_of(state);
+  for (std::size_t i = 0; i < technique.parameters.size(); ++i) {
+    const std::uint32_t offset = state.layout.offset[i];
+    if (offset == 0xffffffffU) continue;
+    const Parameter& parameter = technique.parameters[i];
+    for (std::uint32_t c = 0; c < parameter.components(); ++c) {
+      const double number = pass.parameters[i].number[c];
+      std::byte* target = state.parameters.data() + offset + 4 * c;
+      const bool is_integer = parameter.type == ParameterType::kInt || parameter.type == ParameterType::kBool ||
+                              parameter.type == ParameterType::kChoice;
+      if (is_integer) {
+        const auto value = static_cast<std::int32_t>(number);
+        std::memcpy(target, &value, sizeof value);
+      } else {
+        const auto value = static_cast<float>(number);
+        std::memcpy(target, &value, sizeof value);
+      }
+    }
+  }
+}
+
+void Executor::State::compile_passes() {
+  bool draws_surfaces = false;
+  for (const auto& state : passes) {
+    if (!state) continue;
+    for (const Shader& shader : technique_of(*state).shaders) draws_surfaces |= shader.kind == ShaderKind::kSurfaces;
+  }
+  if (draws_surfaces && program.vertex.empty()) {
+    const auto folders = services.registry.shared_folders();
+    program = vulkan::mesh_program(services.cache_folder, {folders.begin(), folders.end()});
+  }
+  for (const auto& state : passes) {
+    if (!state) continue;
+    write_parameters(*state);
+    const Pass& pass = pass_of(*state);
+    const Technique& technique = technique_of(*state);
+    for (const Shader& shader : technique.shaders) {
+      ShaderState made;
+      made.shader = &shader;
+      const auto stage = std::find_if(technique.stages.begin(), technique.stages.end(),
+                                      [&](const Stage& candidate) { return candidate.name == shader.stage; });
+      made.stage = static_cast<std::uint32_t>(stage - technique.stages.begin());
+      const vulkan::RasterState raster = raster_state(pass, shader);
+      if (!shader.file.empty()) {
+        made.compiled = vulkan::compile(shader_request(*state, shader), services.cache_folder);
+        for (const std::string& warning : made.compiled.warnings) services.log(Severity::kWarning, warning);
+      } else {
+        made.compiled.kind = ShaderKind::kSurfaces;
+      }
+      switch (shader.kind) {
+        case ShaderKind::kCompute:
+          made.pipeline = maker->compute(made.compiled, constants(*state));
+          break;
+        case ShaderKind::kFullscreen:
+          made.pipeline = maker->fullscreen(made.compiled, constants(*state), raster);
+          break;
+        case ShaderKind::kSurfaces:
+          made.pipeline =
+              maker->surfaces(program, made.compiled, constants(*state), raster, materials_layout, program_layout);
+          if (shader.file.empty()) {
+            made.masked = maker->surfaces_masked_depth(program, raster, materials_layout, program_layout);
+          }
+          break;
+      }
+      state->shaders.emplace(shader.name, std::move(made));
+    }
+  }
+}
+
+VkDescriptorSet Executor::State::allocate_set(VkDescriptorSetLayout layout) {
+  const heddle_vulkan& vk = device->table();
+  for (;;) {
+    if (descriptor_pool == descriptor_pools.size()) {
+      constexpr std::array<VkDescriptorPoolSize, 5> kSizes{{{VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, 4096},
+                                                            {VK_DESCRIPTOR_TYPE_STORAGE_IMAGE, 1024},
+                                                            {VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 4096},
+                                                            {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER, 2048},
+                                                            {VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC, 64}}};
+      VkDescriptorPoolCreateInfo pool_info{VK_STRUCTURE_TYPE_DESCRIPTOR_POOL_CREATE_INFO};
+      pool_info.maxSets = kSetsInPool;
+      pool_info.poolSizeCount = kSizes.size();
+      pool_info.pPoolSizes = kSizes.data();
+      VkDescriptorPool pool = VK_NULL_HANDLE;
+      vulkan::check(vk.CreateDescriptorPool(vk.device, &pool_info, nullptr, &pool), "vkCreateDescriptorPool");
+      descriptor_pools.push_back(pool);
+    }
+    VkDescriptorSetAllocateInfo set_info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_ALLOCATE_INFO};
+    set_info.descriptorPool = descriptor_pools[descriptor_pool];
+    set_info.descriptorSetCount = 1;
+    set_info.pSetLayouts = &layout;
+    VkDescriptorSet set = VK_NULL_HANDLE;
+    const VkResult result = vk.AllocateDescriptorSets(vk.device, &set_info, &set);
+    if (result == VK_SUCCESS) return set;
+    if (result != VK_ERROR_OUT_OF_POOL_MEMORY && result != VK_ERROR_FRAGMENTED_POOL) {
+      vulkan::check(result, "vkAllocateDescriptorSets");
+    }
+    ++descriptor_pool;
+  }
+}
+
+}  // namespace heddle::graph
