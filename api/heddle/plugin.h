@@ -261,8 +261,10 @@ struct heddle_pass_host {
 
   /* ---- execute (cpu stages) ---- */
   heddle_status (*map)(const heddle_pass_host* self, heddle_frame* frame, const char* port, heddle_mapped* out);
-  heddle_status (*snapshot)(const heddle_pass_host* self, heddle_frame* frame, const char* port, heddle_snapshot* out,
-                            heddle_alpha_test* out_alpha_test);
+  /* The triangles of a surfaces port that the stage declares as HOST_READ. *out is the host's object (the alpha test
+   * needs that very pointer), valid until execute returns. out_alpha_test may be NULL. [record-thread] */
+  heddle_status (*snapshot)(const heddle_pass_host* self, heddle_frame* frame, const char* port,
+                            const heddle_snapshot** out, heddle_alpha_test* out_alpha_test);
 
   /* ---- record (gpu stages) ---- */
   /* A compute shader of this stage, `groups` work groups. push as in heddle_draw. [record-thread] */

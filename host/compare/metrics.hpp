@@ -14,7 +14,7 @@ struct Metrics {
   double mean_difference = 0;  // mean of a - b: bias
   double maximum = 0;          // max |a - b|
   std::uint32_t maximum_x = 0, maximum_y = 0, maximum_channel = 0;
-  double percentile_99 = 0;    // of |a - b| over all values, nearest rank
+  double percentile_99 = 0;  // of |a - b| over all values, nearest rank
   std::uint64_t differing_pixels = 0;
 };
 

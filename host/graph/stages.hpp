@@ -24,24 +24,29 @@ struct Written {
 struct WrittenKey {
   std::string name;
   Location where;
+  // Set when an overlay or a setting changed the pass's technique afterwards: the technique that the key was written
+  // for. Such a key is used where the new technique has the name and takes the value, else dropped with a note.
+  std::string written_for;
 };
 
 struct WrittenPass {
-  Location where;                       // of [[pass]]
-  Written name, role, technique;        // strings; an overlay's pass may leave role and technique empty
-  std::optional<Written> after, before; // overlays only
-  std::vector<std::pair<WrittenKey, Written>> params;    // params.NAME
-  std::vector<std::pair<WrittenKey, Written>> inputs;    // inputs.PORT = "pass.port" | "scene.x" | "none"
-  std::vector<std::pair<WrittenKey, Written>> functions; // functions.ROLE = ["pass", ...] which providers; [] = neutral
-  std::vector<Written> serves;          // `switch`: names or types of lights / names of materials; empty = all
-  std::optional<Written> enabled;       // bool, default true
+  Location where;                                      // of [[pass]]
+  Written name, role, technique;                       // strings; an overlay's pass may leave role and technique empty
+  std::optional<Written> after, before;                // overlays only
+  std::vector<std::pair<WrittenKey, Written>> params;  // params.NAME
+  std::vector<std::pair<WrittenKey, Written>> inputs;  // inputs.PORT = "pass.port" | "scene.x" | "none"
+  std::vector<std::pair<WrittenKey, Written>>
+      functions;                   // functions.ROLE = ["pass", ...] which providers; [] = neutral
+  std::vector<Written> serves;     // `switch`: names or types of lights / names of materials; empty = all
+  std::optional<Written> enabled;  // bool, default true
+  bool says_serves = false;        // an overlay's `serves = []` means all
 };
 
 struct WrittenGraph {
   std::string file;
   std::optional<Written> extends;
-  std::optional<Written> extent;  // [w, h]
-  std::optional<Written> output;  // "display.color"
+  std::optional<Written> extent;                       // [w, h]
+  std::optional<Written> output;                       // "display.color"
   std::vector<std::pair<WrittenKey, Written>> params;  // top-level presets: NAME = default, referred to as "$NAME"
   std::vector<std::pair<WrittenKey, Written>> joins;   // joins.ROLE = "switch" | "sum" | "product": overrides role.toml
   std::vector<Written> remove;
@@ -52,6 +57,8 @@ struct WrittenGraph {
 WrittenGraph parse(std::string_view text, std::string_view file);
 /// Reads a file and what it extends, and merges the overlays into one graph (no `extends` left). Opens files.
 WrittenGraph read_graph(const std::filesystem::path& file);
+/// The same for a text that was parsed already; `folder` is where its `extends` looks. Opens files.
+WrittenGraph read_extended(WrittenGraph written, const std::filesystem::path& folder);
 /// Merges `over` on `base`. Pure.
 WrittenGraph overlay(WrittenGraph base, WrittenGraph over);
 /// Applies "ao.technique=gtao", "ao.params.radius=1", "ao.inputs.depth=x.y", "extent=[640,360]", "output=a.b",
@@ -73,15 +80,15 @@ struct ParameterValue {
 
 /// What stands behind ports. A new version made by an `inout` port is a resource of its own with `previous_version`.
 struct Resource {
-  std::string name;             // "gbuffer.depth", "scene.camera"
+  std::string name;  // "gbuffer.depth", "scene.camera"
   PortType type = PortType::kImage;
-  PassIndex producer = kNoIndex;      // kNoIndex: the scene
-  std::string port;             // of the producer, or of the scene: "camera", "lights", "surfaces"
+  PassIndex producer = kNoIndex;              // kNoIndex: the scene
+  std::string port;                           // of the producer, or of the scene: "camera", "lights", "surfaces"
   ResourceIndex previous_version = kNoIndex;  // same memory for images and buffers, a changed copy for values
   bool is_kept = false;
   // Shape; images and buffers only, filled from the descriptor by resolve and corrected by `declare` before alias.
   std::uint32_t format = 0, width = 0, height = 0, layers = 1, mips = 1;
-  std::uint32_t flags = 0;      // HEDDLE_PORT_*
+  std::uint32_t flags = 0;  // HEDDLE_PORT_*
   std::uint64_t byte_size = 0;
 };
 
@@ -96,24 +103,26 @@ struct Pass {
   std::string name;
   Location where;
   const Role* role = nullptr;
-  TechniqueEntry entry;               // technique "none" never gets here: resolve leaves the pass out
-  std::vector<ParameterValue> parameters;       // parallel to technique->parameters
-  std::map<std::string, ResourceIndex, std::less<>> ports;  // bound ports, in and out; an absent optional input is missing
-  std::map<std::string, ResourceIndex, std::less<>> inout_sources;  // for inout ports: what is read; `ports` has what is made
-  std::vector<FunctionBinding> functions;       // one for each role that a shader or function text of it calls
+  TechniqueEntry entry;                    // technique "none" never gets here: resolve leaves the pass out
+  std::vector<ParameterValue> parameters;  // parallel to technique->parameters
+  std::map<std::string, ResourceIndex, std::less<>>
+      ports;  // bound ports, in and out; an absent optional input is missing
+  std::map<std::string, ResourceIndex, std::less<>>
+      inout_sources;                       // for inout ports: what is read; `ports` has what is made
+  std::vector<FunctionBinding> functions;  // one for each role that a shader or function text of it calls
   std::vector<std::string> serves;
   bool is_pruned = false;
-  std::string reason;                 // why it stays or goes, for explain
-  std::vector<PassIndex> dependencies; // passes that must run before it: producers of inputs, providers, their inputs
+  std::string reason;                   // why it stays or goes, for explain
+  std::vector<PassIndex> dependencies;  // passes that must run before it: producers of inputs, providers, their inputs
 };
 
 struct ResolvedGraph {
   std::string file;
   std::uint32_t width = 0, height = 0;
   ResourceIndex output = kNoIndex;
-  std::vector<Pass> passes;           // file order
+  std::vector<Pass> passes;  // file order
   std::vector<Resource> resources;
-  std::vector<std::string> notes;     // e.g. "pass 'ao': technique none, its outputs are neutral"
+  std::vector<std::string> notes;  // e.g. "pass 'ao': technique none, its outputs are neutral"
 };
 
 /// All name, type, range and unit errors are made here, all at once. Opens no library.
@@ -137,6 +146,7 @@ struct ScheduledStage {
     ResourceIndex resource = kNoIndex;
     std::uint32_t access = 0;  // HEDDLE_ACCESS_*
     bool reads = false, writes = false;
+    std::uint32_t mask = 0;  // bit i: access i is among the merged ones; `access` has a layout that suits all of them
   };
   std::vector<Use> uses;
 };
@@ -145,6 +155,11 @@ struct Order {
 };
 /// One order for one graph: dependencies first, ties by the order in the file. Throws Error naming a cycle.
 Order order(const ResolvedGraph& graph);
+/// The resource that owns the memory of a version: itself, or the first one of a chain of `inout` images or buffers.
+ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource);
+/// Every pass whose functions a shader (or function text) with these calls reaches, providers of providers included.
+std::vector<PassIndex> reached_providers(const ResolvedGraph& graph, PassIndex caller,
+                                         std::span<const std::string> calls);
 
 // ---- alias ----------------------------------------------------------------------------------------------------------
 struct MemoryNeed {  // of one image or buffer; from the driver
@@ -152,9 +167,9 @@ struct MemoryNeed {  // of one image or buffer; from the driver
 };
 struct Placement {
   static constexpr std::uint64_t kOwnMemory = ~0ULL;  // kept resources and those without memory
-  std::vector<std::uint64_t> offset;  // for each resource: into the one shared heap, or kOwnMemory
-  std::uint64_t heap_size = 0;        // with aliasing
-  std::uint64_t unaliased_size = 0;   // what the same resources would need each for itself
+  std::vector<std::uint64_t> offset;                  // for each resource: into the one shared heap, or kOwnMemory
+  std::uint64_t heap_size = 0;                        // with aliasing
+  std::uint64_t unaliased_size = 0;                   // what the same resources would need each for itself
   // Pairs (stage, resource): at this stage's start the resource's memory was another's: contents are undefined, and a
   // barrier from the listed earlier users is due.
   struct Handover {
@@ -171,15 +186,17 @@ Placement alias(const ResolvedGraph& graph, const Order& order, std::span<const 
 
 // ---- barriers -------------------------------------------------------------------------------------------------------
 struct Barrier {
-  ResourceIndex resource = kNoIndex;
+  ResourceIndex resource = kNoIndex;  // always the first version: the one with memory
   VkPipelineStageFlags2 source_stages = 0, target_stages = 0;
   VkAccessFlags2 source_access = 0, target_access = 0;
-  VkImageLayout old_layout = VK_IMAGE_LAYOUT_UNDEFINED, new_layout = VK_IMAGE_LAYOUT_UNDEFINED;  // equal for buffers: UNDEFINED
+  VkImageLayout old_layout = VK_IMAGE_LAYOUT_UNDEFINED,
+                new_layout = VK_IMAGE_LAYOUT_UNDEFINED;  // equal for buffers: UNDEFINED
 };
 struct BarrierPlan {
   std::vector<std::vector<Barrier>> before;  // for each scheduled stage
-  std::vector<Barrier> at_end;               // kept and wanted resources, to what the next frame's first use / read-back expects
-  std::vector<VkImageLayout> first_layout;   // layout in which each resource enters a frame (UNDEFINED: contents not needed)
+  std::vector<Barrier> at_end;  // kept and wanted resources, to what the next frame's first use / read-back expects
+  std::vector<VkImageLayout>
+      first_layout;  // layout in which each resource enters a frame (UNDEFINED: contents not needed)
 };
 /// Layouts and stage masks of an access. Pure table.
 struct AccessInfo {
@@ -189,6 +206,11 @@ struct AccessInfo {
   bool reads = false, writes = false;
 };
 AccessInfo access_info(std::uint32_t access, PortType type, std::uint32_t format);
+/// The union over the accesses of a use, in the one layout that suits them all. What execute writes into descriptors.
+AccessInfo use_info(const ScheduledStage::Use& use, PortType type, std::uint32_t format);
+/// Barriers of a stage come before everything that it records; of a cpu stage: before the copies from and to its
+/// staging memory. `wanted` resources end the frame readable by transfers: images in TRANSFER_SRC_OPTIMAL. A kept image
+/// is expected in first_layout when the first frame starts: execute clears it to the neutral value and leaves it there.
 /// From declared accesses: read-after-write, write-after-read, write-after-write, layouts, memory hand-overs, and
 /// across frames (kept resources, and the shared heap's last users before its first users of the next frame).
 BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const Placement& placement,

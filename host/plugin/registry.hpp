@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which roles and techniques there are, known from role.toml files and manifests alone, and the libraries that are open.
+// Which roles and techniques there are, known from role.toml files and manifests alone, and the libraries that are
+// open.
 #pragma once
 
 #include "plugin/technique.hpp"
@@ -40,7 +41,7 @@ class Registry {
   [[nodiscard]] const Role* find_role(std::string_view name) const;
   /// "ambient_occlusion/gtao" -> entry, or nullptrs.
   [[nodiscard]] TechniqueEntry find(std::string_view id) const;
-  [[nodiscard]] std::vector<const Technique*> techniques() const;             // sorted by id
+  [[nodiscard]] std::vector<const Technique*> techniques() const;                       // sorted by id
   [[nodiscard]] std::vector<std::string> technique_names(std::string_view role) const;  // without the role, sorted
   /// Folders with shared GLSL ("shared/" of each plugin folder), in order of search.
   [[nodiscard]] std::span<const std::filesystem::path> shared_folders() const { return shared_folders_; }

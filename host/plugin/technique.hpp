@@ -8,6 +8,7 @@
 #include <array>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -15,10 +16,10 @@
 
 namespace heddle {
 
-enum class PortType : std::uint32_t { kImage, kBuffer, kValue, kSurfaces };        // = HEDDLE_PORT_*
-enum class Direction : std::uint32_t { kIn, kOut, kInout };                        // = HEDDLE_IN ...
-enum class StageKind : std::uint32_t { kGpu, kCpu };                               // = HEDDLE_STAGE_*
-enum class ShaderKind : std::uint32_t { kCompute, kFullscreen, kSurfaces };        // = HEDDLE_SHADER_*
+enum class PortType : std::uint32_t { kImage, kBuffer, kValue, kSurfaces };  // = HEDDLE_PORT_*
+enum class Direction : std::uint32_t { kIn, kOut, kInout };                  // = HEDDLE_IN ...
+enum class StageKind : std::uint32_t { kGpu, kCpu };                         // = HEDDLE_STAGE_*
+enum class ShaderKind : std::uint32_t { kCompute, kFullscreen, kSurfaces };  // = HEDDLE_SHADER_*
 enum class ParameterType : std::uint32_t { kFloat, kInt, kBool, kChoice, kColor, kFloat3, kNames };  // = HEDDLE_TYPE_*
 enum class Join : std::uint8_t { kSwitch, kSum, kProduct };
 
@@ -29,11 +30,11 @@ struct RolePort {
   Direction direction = Direction::kIn;
   PortType type = PortType::kImage;
   bool optional = false;
-  bool infinite = false;                   // Inf is legal
+  bool infinite = false;  // Inf is legal
   std::string unit;
   std::optional<std::array<double, 2>> range;
   std::array<double, 4> neutral{0, 0, 0, 0};
-  std::string glsl;                        // buffer, value: members of the block
+  std::string glsl;  // buffer, value: members of the block
   std::string help;
 };
 
@@ -43,6 +44,7 @@ struct RoleFunction {
   std::string neutral;    // body: "return 1.0;"
   std::string unit;
   std::string help;
+  std::optional<std::array<double, 2>> range;
 };
 
 struct HardCase {
@@ -55,16 +57,16 @@ struct Role {
   std::uint32_t revision = 1;
   std::string title;
   Join join = Join::kSwitch;
-  std::string selector;   // kSwitch: name of the uint argument that chooses ("light"); "" = the only provider
-  std::string include;    // file of plugins/shared that signatures need; may be empty
+  std::string selector;  // kSwitch: name of the uint argument that chooses ("light"); "" = the only provider
+  std::string include;   // file of plugins/shared that signatures need; may be empty
   std::vector<RolePort> ports;
   std::vector<RoleFunction> functions;
   std::vector<HardCase> hard_cases;
   std::string same_model_reference;  // technique id, may be empty
   std::string physical_reference;
-  std::string measure_metric;        // "rmse", ...; may be empty
+  std::string measure_metric;  // "rmse", ...; may be empty
   std::string measure_port;
-  std::filesystem::path file;        // the role.toml
+  std::filesystem::path file;  // the role.toml
 
   [[nodiscard]] const RolePort* find_port(std::string_view port) const;
 };
@@ -75,14 +77,14 @@ struct Port {
   std::string name;
   PortType type = PortType::kImage;
   Direction direction = Direction::kIn;
-  std::uint32_t flags = 0;  // HEDDLE_PORT_OPTIONAL ...
-  std::uint32_t format = 0; // VkFormat
+  std::uint32_t flags = 0;   // HEDDLE_PORT_OPTIONAL ...
+  std::uint32_t format = 0;  // VkFormat
   std::uint32_t extent_rule = 0;
   float extent_scale = 1.0F;
   std::uint32_t width = 0, height = 0;
   std::uint32_t layers = 1, mips = 1;
   std::uint64_t byte_size = 0;
-  std::string glsl;         // filled from the role when the descriptor has none
+  std::string glsl;  // filled from the role when the descriptor has none
   std::string help;
   [[nodiscard]] bool is_optional() const { return (flags & HEDDLE_PORT_OPTIONAL) != 0; }
   [[nodiscard]] bool is_kept() const { return (flags & HEDDLE_PORT_KEPT) != 0; }
@@ -101,7 +103,9 @@ struct Parameter {
   std::string help;
   [[nodiscard]] bool is_knob() const { return (flags & HEDDLE_PARAMETER_KNOB) != 0; }
   [[nodiscard]] std::uint32_t components() const {
-    return type == ParameterType::kColor || type == ParameterType::kFloat3 ? 3U : type == ParameterType::kNames ? 0U : 1U;
+    return type == ParameterType::kColor || type == ParameterType::kFloat3 ? 3U
+           : type == ParameterType::kNames                                 ? 0U
+                                                                           : 1U;
   }
   bool operator==(const Parameter&) const = default;
 };
@@ -125,8 +129,8 @@ struct Shader {
   std::string name;
   ShaderKind kind = ShaderKind::kCompute;
   std::string stage;
-  std::string file;               // "" : depth only
-  std::vector<std::string> calls; // roles
+  std::string file;                // "" : depth only
+  std::vector<std::string> calls;  // roles
   std::uint32_t depth_compare = 0;
   float depth_bias_constant = 0, depth_bias_slope = 0;
   bool operator==(const Shader&) const = default;
@@ -142,7 +146,7 @@ struct Function {
 };
 
 struct Technique {
-  std::string id;    // "ambient_occlusion/gtao"
+  std::string id;  // "ambient_occlusion/gtao"
   std::string title;
   std::string source;
   bool is_reference = false;
@@ -169,6 +173,9 @@ struct Technique {
 /// Copies a descriptor; throws Error(HEDDLE_BUG) naming the library if it breaks a rule of plugin.h (a NULL name, an
 /// unknown type, a stage's access to a port that does not exist, a shader of an unknown stage, ...).
 Technique from_descriptor(const heddle_technique& descriptor, std::string_view library);
+
+/// The same for all techniques of a library, and checks that it speaks this host's ABI (HEDDLE_UNSUPPORTED if not).
+std::vector<Technique> from_plugin(const heddle_plugin* plugin, std::string_view library);
 
 /// A library that was found, by its manifest.
 struct Manifest {

@@ -29,7 +29,7 @@ struct Texture {
 struct Material {
   std::string name;
   std::array<std::uint32_t, HEDDLE_TEXTURE_COUNT> textures{};  // index, HEDDLE_NONE
-  HeddleMaterial record{};  // texture_layer* and texture_group are filled by upload
+  HeddleMaterial record{};                                     // texture_layer* and texture_group are filled by upload
 };
 
 struct Mesh {

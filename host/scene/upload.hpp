@@ -12,9 +12,9 @@ namespace heddle::scene {
 
 /// Draws that share pipeline state and textures: one vkCmdDrawIndexedIndirect.
 struct DrawGroup {
-  std::uint32_t flags = 0;          // HEDDLE_SURFACE_* of all its batches
-  std::uint32_t texture_group = 0;  // set 2
-  bool is_flipped = false;          // front faces are clockwise
+  std::uint32_t flags = 0;                             // HEDDLE_SURFACE_* of all its batches
+  std::uint32_t texture_group = 0;                     // set 2
+  bool is_flipped = false;                             // front faces are clockwise
   std::uint32_t first_command = 0, command_count = 0;  // in the indirect buffer (VkDrawIndexedIndirectCommand)
 };
 
@@ -33,7 +33,8 @@ class SceneBuffers {
   [[nodiscard]] const vulkan::Buffer& indices() const;    // uint32
   [[nodiscard]] const vulkan::Buffer& instances() const;  // HeddleInstance, in draw order
   [[nodiscard]] const vulkan::Buffer& materials() const;  // HeddleMaterial
-  [[nodiscard]] const vulkan::Buffer& commands() const;   // VkDrawIndexedIndirectCommand; firstInstance = first in instances()
+  [[nodiscard]] const vulkan::Buffer& commands()
+      const;  // VkDrawIndexedIndirectCommand; firstInstance = first in instances()
   [[nodiscard]] std::span<const DrawGroup> groups() const;
   /// Descriptor set 2 of a texture group: bindings 0..4 = sampler2DArray of base colour, metallic-roughness, normal,
   /// occlusion, emissive.

@@ -18,10 +18,10 @@ namespace heddle::vulkan {
 
 /// What the host counts; differences between two readings prove what a frame did.
 struct Counters {
-  std::uint64_t commands = 0;        // every vkCmd*
+  std::uint64_t commands = 0;  // every vkCmd*
   std::uint64_t draws = 0, dispatches = 0, barriers = 0, renderings = 0;
   std::uint64_t submits = 0;
-  std::uint64_t pipelines = 0;       // created since the device
+  std::uint64_t pipelines = 0;  // created since the device
   std::uint64_t live_pipelines = 0, live_images = 0, live_buffers = 0;
   std::uint64_t device_memory_bytes = 0;  // allocated now
   std::uint64_t uploaded_bytes = 0, read_back_bytes = 0;
@@ -30,11 +30,11 @@ struct Counters {
 struct DeviceInfo {
   std::uint32_t index = 0;
   std::string name, driver, driver_version;
-  std::string type;         // "cpu", "discrete", "integrated", "virtual", "other"
+  std::string type;  // "cpu", "discrete", "integrated", "virtual", "other"
   std::uint32_t api_version = 0;
   bool is_lavapipe = false;
-  bool is_usable = false;   // has all that the host needs
-  std::string missing;      // why not
+  bool is_usable = false;  // has all that the host needs
+  std::string missing;     // why not
 };
 
 /// Opens the loader and lists devices; throws Error(HEDDLE_FAILED) with help when there is no Vulkan.
@@ -43,6 +43,15 @@ std::vector<DeviceInfo> list_devices();
 std::vector<std::string> list_layers();
 
 class Device;
+
+/// A piece of device memory. Small objects share blocks; `block` is null where memory was allocated for one object
+/// alone.
+struct MemoryPiece {
+  VkDeviceMemory memory = VK_NULL_HANDLE;
+  std::uint64_t offset = 0;
+  std::byte* data = nullptr;  // mapped: host-visible pieces
+  void* block = nullptr;
+};
 
 class Buffer {
  public:
@@ -60,7 +69,7 @@ class Buffer {
   friend class Device;
   Device* device_ = nullptr;
   VkBuffer buffer_ = VK_NULL_HANDLE;
-  VkDeviceMemory memory_ = VK_NULL_HANDLE;  // VK_NULL_HANDLE: placed in a Heap
+  MemoryPiece piece_;  // no memory: placed in a Heap
   std::uint64_t size_ = 0;
   std::byte* data_ = nullptr;
 };
@@ -79,11 +88,12 @@ class Image {
   Image& operator=(Image&& other) noexcept;
   ~Image();
   [[nodiscard]] VkImage handle() const { return image_; }
-  /// The view that shaders sample: 2D, or 2D array if layers > 1; all mips. Depth formats: depth aspect.
+  /// The view that shaders sample: 2D, 2D array if layers > 1, cube or cube array if is_cube; all mips. Depth formats:
+  /// depth aspect.
   [[nodiscard]] VkImageView view() const { return view_; }
-  /// One layer of one mip: attachments and storage. Made on first use.
+  /// One layer of one mip, 2D: attachments and storage. Made on first use, by one thread at a time.
   [[nodiscard]] VkImageView layer_view(std::uint32_t layer, std::uint32_t mip = 0) const;
-  /// One mip, all layers (2D or 2D array as view()): storage. Made on first use.
+  /// One mip, all layers (2D, or 2D array also of cubes): storage. Made on first use, by one thread at a time.
   [[nodiscard]] VkImageView mip_view(std::uint32_t mip) const;
   [[nodiscard]] const ImageShape& shape() const { return shape_; }
   explicit operator bool() const { return image_ != VK_NULL_HANDLE; }
@@ -92,7 +102,7 @@ class Image {
   friend class Device;
   Device* device_ = nullptr;
   VkImage image_ = VK_NULL_HANDLE;
-  VkDeviceMemory memory_ = VK_NULL_HANDLE;
+  MemoryPiece piece_;  // no memory: placed in a Heap
   VkImageView view_ = VK_NULL_HANDLE;
   ImageShape shape_;
   mutable std::vector<VkImageView> extra_views_;  // layer x mip, then mips; made on first use
@@ -116,7 +126,9 @@ class Heap {
 };
 
 struct DeviceOptions {
-  std::string device;       // part of a name, or an index; "": HEDDLE_DEVICE, else lavapipe, else the first usable
+  // Part of a name in any case ("lavapipe" works), or an index; "": HEDDLE_DEVICE, else lavapipe, else the first
+  // usable.
+  std::string device;
   bool validation = false;  // the layer, with synchronization validation; missing layer: Error(HEDDLE_FAILED)
   std::function<void(Severity, std::string_view)> log;
 };
@@ -130,6 +142,8 @@ class Device {
 
   [[nodiscard]] const DeviceInfo& info() const;
   [[nodiscard]] const VkPhysicalDeviceLimits& limits() const;
+  /// What was asked for and is there: the host's needs are, the rest may be missing (samplerAnisotropy, shaderFloat64).
+  [[nodiscard]] const VkPhysicalDeviceFeatures& features() const;
   /// The counted table: the host itself calls Vulkan through it, and plugins get the same one.
   [[nodiscard]] const heddle_vulkan& table() const;
   [[nodiscard]] VkQueue queue() const;
@@ -137,12 +151,14 @@ class Device {
   [[nodiscard]] Counters counters() const;
   /// Errors the validation layer reported since the last call, and forgets them. Empty without validation.
   std::vector<std::string> take_validation_errors();
-  /// Depth format with sampling and attachment: D32_SFLOAT.
+  /// Whether optimally tiled images of the format have all the features.
   [[nodiscard]] bool has_format(VkFormat format, VkFormatFeatureFlags features) const;
 
+  /// Every buffer can also be copied from and to.
   Buffer make_buffer(std::uint64_t size, VkBufferUsageFlags usage, bool host_visible);
   Image make_image(const ImageShape& shape);
-  // Placed: the driver's needs, then the object at an offset of a heap.
+  // Placed: the driver's needs, then the object at an offset of a heap. Sizes and alignments are whole multiples of the
+  // device's bufferImageGranularity, so that any packing that keeps to them is right. Objects may overlap: they alias.
   [[nodiscard]] VkMemoryRequirements image_requirements(const ImageShape& shape);
   [[nodiscard]] VkMemoryRequirements buffer_requirements(std::uint64_t size, VkBufferUsageFlags usage);
   Heap make_heap(std::uint64_t size, std::uint32_t memory_type_bits);
@@ -152,6 +168,7 @@ class Device {
   /// Records with `record`, submits and waits. For uploads and tests. Throws Error on device loss.
   void run(const std::function<void(VkCommandBuffer)>& record);
   /// Fills a device buffer / image (one layer, one mip; image ends in SHADER_READ_ONLY_OPTIMAL) through staging memory.
+  /// Mapped buffers are written at once: nothing that was submitted may still use them. Not from inside run().
   void upload(const Buffer& target, std::uint64_t offset, std::span<const std::byte> bytes);
   void upload(const Image& target, std::uint32_t layer, std::uint32_t mip, std::span<const std::byte> bytes);
   /// Reads back tightly packed texels; the image is in `layout` and stays in it.
@@ -160,11 +177,23 @@ class Device {
   void count_upload(std::uint64_t bytes);
   void count_read_back(std::uint64_t bytes);
 
-  /// Immutable samplers, made once: nearest/linear x repeat/clamp/mirror, and depth comparison (GREATER_OR_EQUAL, linear).
+  /// Immutable samplers, made once: nearest/linear x repeat/clamp/mirror, and depth comparison (GREATER_OR_EQUAL,
+  /// linear).
   enum class Sampler : std::uint8_t { kNearestClamp, kLinearClamp, kLinearRepeat, kLinearMirror, kCompareClamp };
   [[nodiscard]] VkSampler sampler(Sampler which) const;
 
  private:
+  friend class Buffer;
+  friend class Image;
+  friend class Heap;
+  void destroy(Buffer& buffer) noexcept;
+  void destroy(Image& image) noexcept;
+  void destroy(Heap& heap) noexcept;
+  [[nodiscard]] VkImageView make_view(const Image& image, VkImageViewType type, std::uint32_t layer,
+                                      std::uint32_t layers, std::uint32_t mip, std::uint32_t mips) const;
+  Image bare_image(const ImageShape& shape, bool is_placed);
+  Buffer bare_buffer(std::uint64_t size, VkBufferUsageFlags usage);
+
   struct State;
   std::unique_ptr<State> state_;
 };
@@ -178,10 +207,13 @@ struct FormatInfo {
   const char* name = "";  // "r16g16b16a16_sfloat"
   bool is_depth = false;
 };
+/// All zero for formats that the host does not know.
 FormatInfo format_info(VkFormat format);
-/// Texels of `format` to float32, channels kept (sRGB formats stay encoded values 0..1 as stored).
+/// Texels of `format` to float32, channels kept (sRGB formats stay encoded values 0..1 as stored). Throws
+/// Error(HEDDLE_UNSUPPORTED) for unknown formats, Error(HEDDLE_BUG) for parts of texels.
 std::vector<float> to_float(std::span<const std::byte> texels, VkFormat format);
-/// The reverse, for writing host data into images; values are clamped to the format's range, rounded to nearest.
+/// The reverse, for writing host data into images; values are clamped to the format's range, rounded to nearest, ties
+/// to even. Floats keep Inf and NaN (unsigned ones: -Inf becomes 0); in other formats NaN becomes 0.
 std::vector<std::byte> from_float(std::span<const float> values, VkFormat format);
 
 }  // namespace heddle::vulkan

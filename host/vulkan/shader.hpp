@@ -16,20 +16,20 @@ struct BoundPort {
   std::string port;
   std::uint32_t access = 0;  // HEDDLE_ACCESS_*
   PortType type = PortType::kImage;
-  bool is_bound = true;      // false: only fetch_NAME / sample_NAME, answering `neutral`
+  bool is_bound = true;  // false: only fetch_NAME / sample_NAME, answering `neutral`
   VkFormat format = VK_FORMAT_UNDEFINED;
   std::uint32_t layers = 1;
   bool is_cube = false;
   std::array<double, 4> neutral{0, 0, 0, 0};
-  std::string glsl;          // members of a buffer's or value's block
+  std::string glsl;  // members of a buffer's or value's block
 };
 
 /// One provider of a role's functions for one caller.
 struct ProviderRequest {
-  std::string pass;                    // name of the pass, for messages and as suffix of names
+  std::string pass;  // name of the pass, for messages and as suffix of names
   const Technique* technique = nullptr;
-  std::filesystem::path folder;        // of the technique's shaders
-  std::vector<BoundPort> ports;        // of the function's accesses
+  std::filesystem::path folder;  // of the technique's shaders
+  std::vector<BoundPort> ports;  // of the function's accesses
 };
 
 struct RoleRequest {
@@ -40,11 +40,11 @@ struct RoleRequest {
 
 /// What a shader needs to be compiled in one graph.
 struct ShaderRequest {
-  std::string pass;                    // for messages
+  std::string pass;  // for messages
   const Technique* technique = nullptr;
-  const Shader* shader = nullptr;      // of technique
+  const Shader* shader = nullptr;  // of technique
   std::filesystem::path folder;
-  std::vector<BoundPort> ports;        // of the shader's stage, in the stage's order
+  std::vector<BoundPort> ports;  // of the shader's stage, in the stage's order
   // Every role that the shader or a provider of it calls, callees first (a provider's own calls are flattened in).
   std::vector<RoleRequest> roles;
   std::vector<std::filesystem::path> shared_folders;  // <heddle/records.h> and plugins/shared are found from here
@@ -53,7 +53,7 @@ struct ShaderRequest {
 /// Where a binding's content comes from.
 struct Binding {
   enum class Kind : std::uint8_t {
-    kSampledImage,   // combined image sampler
+    kSampledImage,  // combined image sampler
     kStorageImage,
     kStorageBuffer,  // buffer ports; value ports whose block ends in an unsized array
     kUniformBuffer,  // other value ports
@@ -69,8 +69,8 @@ struct Binding {
   bool operator==(const Binding&) const = default;
 };
 
-/// Byte offsets of parameters in the block `params`, std140; HEDDLE_PARAMETER_CONSTANT ones are specialization constants
-/// (id = index of the parameter) and not in the block, names never are.
+/// Byte offsets of parameters in the block `params`, std140; HEDDLE_PARAMETER_CONSTANT ones are specialization
+/// constants (id = index of the parameter) and not in the block, names never are.
 struct ParameterLayout {
   std::vector<std::uint32_t> offset;  // parallel to technique.parameters; 0xffffffff: not in the block
   std::uint32_t size = 0;             // multiple of 16; 0: no block
@@ -79,13 +79,13 @@ ParameterLayout parameter_layout(const Technique& technique);
 
 struct CompiledShader {
   ShaderKind kind = ShaderKind::kCompute;
-  std::vector<std::uint32_t> spirv;    // compute or fragment; empty: depth only without alpha masks
-  std::vector<Binding> bindings;       // those the code really uses
+  std::vector<std::uint32_t> spirv;  // compute or fragment; empty: depth only without alpha masks
+  std::vector<Binding> bindings;     // those the code really uses
   std::array<std::uint32_t, 3> local_size{1, 1, 1};
   std::uint32_t push_bytes = 0;
-  std::uint32_t loops = 0;             // loops in the joined text's functions that are reachable
-  bool uses_materials = false;         // set 2 is used
-  std::vector<std::string> warnings;   // e.g. more than eight loops, with the names of the providers
+  std::uint32_t loops = 0;            // loops in the joined text's functions that are reachable
+  bool uses_materials = false;        // set 2 is used
+  std::vector<std::string> warnings;  // e.g. more than eight loops, with the names of the providers
 };
 
 /// Compiles, or takes from the cache folder. Errors of the text name the author's file, line and the pass; a join that
@@ -98,8 +98,8 @@ std::string generate_role_glsl(const ShaderRequest& request, std::string_view ro
 
 /// Vertex stages of surface programs and the host's own depth-only fragment shader with alpha test.
 struct SurfaceProgram {
-  std::vector<std::uint32_t> vertex;              // position and all fields of the surface block
-  std::vector<std::uint32_t> masked_fragment;     // depth only: discards below the cutoff (set 2)
+  std::vector<std::uint32_t> vertex;           // position and all fields of the surface block
+  std::vector<std::uint32_t> masked_fragment;  // depth only: discards below the cutoff (set 2)
 };
 /// The program of meshes: pulls HeddleVertex and HeddleInstance from storage buffers (set 3: 0 vertices, 1 instances,
 /// 2 materials), the view from push constants' uniform (set 3: 3, dynamic offset), instance by gl_InstanceIndex.
