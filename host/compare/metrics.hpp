@@ -23,6 +23,7 @@ struct Metrics {
 Metrics measure(const image::Image& a, const image::Image& b);
 /// |a - b|.
 image::Image difference(const image::Image& a, const image::Image& b);
+/// psnr is null where it is infinite.
 std::string to_json(const Metrics& metrics);
 
 }  // namespace heddle::compare

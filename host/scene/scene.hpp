@@ -12,7 +12,7 @@
 #include <array>
 #include <filesystem>
 #include <memory>
-#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -68,24 +68,48 @@ class Scene {
   std::vector<Camera> cameras;
   std::uint32_t camera = HEDDLE_NONE;  // in use
 
-  /// Bumped when meshes, materials, textures or the list of instances change / when instances only move.
-  std::uint64_t content_revision = 1;
-  std::uint64_t motion_revision = 1;
+  /// A new number when meshes, materials, textures or the list of instances change / when instances only move. No two
+  /// scenes of a process share a number, unless one is a copy of the other, so caches need no other key.
+  std::uint64_t content_revision = new_revision();
+  std::uint64_t motion_revision = new_revision();
+
+  /// What loaded files asked for and did not get: skipped primitives, extensions that nobody here knows.
+  std::vector<std::string> warnings;
+  std::vector<std::string> ignored_extensions;
+
+  // What the C API adds and changes. Each checks everything first and throws Error(HEDDLE_BAD_INPUT) that names what is
+  // wrong; then the scene is as before. Ids are indices.
+  std::uint32_t add_texture(std::string_view name, const heddle_texture& texture);
+  std::uint32_t add_material(std::string_view name, const heddle_material& material);
+  std::uint32_t add_mesh(std::string_view name, const heddle_mesh& mesh, std::uint32_t material);
+  std::uint32_t add_instance(std::string_view name, std::uint32_t mesh, std::span<const double, 16> scene_from_object);
+  std::uint32_t add_light(std::string_view name, const heddle_light& light);
+  std::uint32_t add_camera(std::string_view name, const heddle_camera& camera);
+  void set_instance(std::uint32_t id, std::span<const double, 16> scene_from_object);
+  void set_camera(std::uint32_t id, const heddle_camera& camera);
+  void use_camera(std::uint32_t id);
+  /// After a frame: what moved has arrived, so the next frame's previous places are this one's. True if anything had
+  /// moved (then motion_revision is new).
+  bool settle();
+  static std::uint64_t new_revision();
 
   /// Scene-space bounds of all instances; {0,0} if empty.
   [[nodiscard]] std::array<glm::dvec3, 2> bounds() const;
   /// The camera in use for a frame of this shape; without one: a view of the whole scene, slightly from above and the
   /// side, far enough to hold the bounding sphere.
   [[nodiscard]] heddle_camera active_camera(std::uint32_t width, std::uint32_t height) const;
-  /// Facts that techniques can ask for: "surfaces", "lights", "masked", "blended", "emissive", ...
+  /// Facts that techniques can ask for: "surfaces", "lights", "masked", "blended", "emissive", "double_sided",
+  /// "textures". Only what an instance shows counts.
   [[nodiscard]] std::vector<std::string> features() const;
   [[nodiscard]] std::string describe_json() const;
 };
 
-/// Adds a glTF 2.0 file to the scene, all or nothing. Throws Error with the file and what in it is wrong.
+/// Adds a glTF 2.0 file to the scene, all or nothing. Throws Error with the file and what in it is wrong. A scene
+/// without cameras then uses the file's first one. Skins and morph targets are applied as the file poses them.
 void load_gltf(Scene& scene, const std::filesystem::path& file);
 
-/// View record of a camera. `origin`: the frame's origin. `previous`: last frame's camera, with its own position.
+/// View record of a camera, unjittered, composed in float64. `origin`: the frame's origin. `previous`: last frame's
+/// camera, with its own position.
 HeddleView make_view(const heddle_camera& camera, std::uint32_t width, std::uint32_t height, const glm::dvec3& origin,
                      const heddle_camera* previous = nullptr);
 

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+/* The C border between libheddle and libheddle_image.so, the only library that links OpenImageIO. Both are built
+ * together, so a differing revision is an error and nothing is negotiated. */
+#ifndef HEDDLE_IMAGE_MODULE_H
+#define HEDDLE_IMAGE_MODULE_H
+
+#include <heddle/abi.h>
+
+HEDDLE_BEGIN_C
+
+#define HEDDLE_IMAGE_MODULE_REVISION 1u
+
+/* Pixels made by the module, top row first, tightly packed; given back through `release`. */
+typedef struct heddle_image_pixels {
+  uint32_t width, height, channels;
+  void* data; /* float (read) or uint8_t (decode8) */
+} heddle_image_pixels;
+
+/* Each answers HEDDLE_OK, or another status with a NUL-terminated reason in `error`. [any-thread] */
+typedef struct heddle_image_module {
+  uint32_t struct_size;
+  uint32_t revision; /* HEDDLE_IMAGE_MODULE_REVISION */
+  heddle_status (*read)(const char* path, heddle_image_pixels* out, char* error, size_t error_size);
+  /* Bytes of a whole file, its kind known by `extension` ("png"); four channels. */
+  heddle_status (*decode8)(const void* bytes, size_t size, const char* extension, heddle_image_pixels* out, char* error,
+                           size_t error_size);
+  /* is_float: float samples in `data` and in the file; else uint8_t. The kind of file is the path's extension. */
+  heddle_status (*write)(const char* path, uint32_t width, uint32_t height, uint32_t channels, uint32_t is_float,
+                         const void* data, char* error, size_t error_size);
+  void (*release)(heddle_image_pixels* pixels);
+} heddle_image_module;
+
+/* The one exported symbol: static data. [any-thread] */
+HEDDLE_EXPORT const heddle_image_module* heddle_image_module_entry(void);
+typedef const heddle_image_module* (*heddle_image_module_entry_function)(void);
+
+HEDDLE_END_C
+#endif

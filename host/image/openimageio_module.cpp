@@ -1,0 +1,149 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files and file bytes <-> pixels, through OpenImageIO, behind the C border of module.h.
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <memory>
+#include <new>
+#include <string>
+
+#include "image/module.h"
+
+namespace {
+
+// A decoded texture of 2^28 texels is 1 GiB: files that claim more are broken or hostile.
+constexpr std::uint64_t kMaximumTexels = 1ULL << 28;
+
+heddle_status fail(char* error, size_t error_size, const std::string& reason) {
+  std::snprintf(error, error_size, "%s", reason.empty() ? "OpenImageIO gives no reason" : reason.c_str());
+  return HEDDLE_BAD_INPUT;
+}
+
+std::string size_error(const OIIO::ImageSpec& spec) {
+  if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1) {
+    return "it has no pixels";
+  }
+  const auto texels = static_cast<std::uint64_t>(spec.width) * static_cast<std::uint64_t>(spec.height);
+  if (spec.depth > 1 || texels > kMaximumTexels || spec.nchannels > 64) {
+    return "it is larger than 2^28 pixels, deeper than one, or has more than 64 channels";
+  }
+  return {};
+}
+
+/// Values as stored: colours are not multiplied by alpha.
+OIIO::ImageSpec as_stored() {
+  OIIO::ImageSpec config;
+  config.attribute("oiio:UnassociatedAlpha", 1);
+  return config;
+}
+
+/// Every entry answers by status: nothing may throw across the border.
+template <typename Body>
+heddle_status guard(char* error, size_t error_size, const Body& body) {
+  try {
+    return body();
+  } catch (const std::bad_alloc&) {
+    fail(error, error_size, "not enough memory");
+    return HEDDLE_FAILED;
+  } catch (const std::exception& exception) {
+    return fail(error, error_size, exception.what());
+  }
+}
+
+heddle_status read(const char* path, heddle_image_pixels* out, char* error, size_t error_size) {
+  return guard(error, error_size, [&] {
+    const OIIO::ImageSpec config = as_stored();
+    const auto input = OIIO::ImageInput::open(path, &config);
+    if (!input) {
+      return fail(error, error_size, OIIO::geterror());
+    }
+    const OIIO::ImageSpec& spec = input->spec();
+    if (const std::string reason = size_error(spec); !reason.empty()) {
+      return fail(error, error_size, reason);
+    }
+    const auto width = static_cast<std::uint32_t>(spec.width), height = static_cast<std::uint32_t>(spec.height);
+    const auto channels = static_cast<std::uint32_t>(spec.nchannels);
+    std::unique_ptr<float, decltype(&std::free)> pixels(
+        static_cast<float*>(std::malloc(sizeof(float) * width * height * channels)), &std::free);
+    if (!pixels) {
+      throw std::bad_alloc();
+    }
+    if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, pixels.get())) {
+      return fail(error, error_size, input->geterror());
+    }
+    *out = {width, height, channels, pixels.release()};
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status decode8(const void* bytes, size_t size, const char* extension, heddle_image_pixels* out, char* error,
+                      size_t error_size) {
+  return guard(error, error_size, [&] {
+    OIIO::Filesystem::IOMemReader reader(const_cast<void*>(bytes), size);
+    const OIIO::ImageSpec config = as_stored();
+    const auto input = OIIO::ImageInput::open(std::string("memory.") + extension, &config, &reader);
+    if (!input) {
+      return fail(error, error_size, OIIO::geterror());
+    }
+    const OIIO::ImageSpec& spec = input->spec();
+    if (const std::string reason = size_error(spec); !reason.empty()) {
+      return fail(error, error_size, reason);
+    }
+    const auto width = static_cast<std::uint32_t>(spec.width), height = static_cast<std::uint32_t>(spec.height);
+    const size_t texels = size_t{width} * height;
+    const auto channels = static_cast<size_t>(std::min(spec.nchannels, 4));
+    std::unique_ptr<std::uint8_t, decltype(&std::free)> pixels(static_cast<std::uint8_t*>(std::malloc(texels * 4)),
+                                                               &std::free);
+    if (!pixels) {
+      throw std::bad_alloc();
+    }
+    // Read with a stride of four; then grey spreads to colour and absent alpha becomes one.
+    if (!input->read_image(0, 0, 0, static_cast<int>(channels), OIIO::TypeDesc::UINT8, pixels.get(), 4)) {
+      return fail(error, error_size, input->geterror());
+    }
+    for (size_t i = 0; i < texels && channels != 4; ++i) {
+      std::uint8_t* texel = pixels.get() + i * 4;
+      texel[3] = channels == 2 ? texel[1] : std::uint8_t{255};
+      if (channels < 3) {
+        texel[1] = texel[2] = texel[0];
+      }
+    }
+    *out = {width, height, 4, pixels.release()};
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status write(const char* path, uint32_t width, uint32_t height, uint32_t channels, uint32_t is_float,
+                    const void* data, char* error, size_t error_size) {
+  return guard(error, error_size, [&] {
+    const auto output = OIIO::ImageOutput::create(path);
+    if (!output) {
+      return fail(error, error_size, OIIO::geterror());
+    }
+    const OIIO::TypeDesc type = is_float != 0 ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
+    OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), static_cast<int>(channels), type);
+    spec.attribute("oiio:UnassociatedAlpha", 1);
+    spec.attribute("CompressionQuality", 95);  // jpg: below it, blocks show in dark gradients
+    if (!output->open(path, spec) || !output->write_image(type, data) || !output->close()) {
+      return fail(error, error_size, output->geterror());
+    }
+    return HEDDLE_OK;
+  });
+}
+
+void release(heddle_image_pixels* pixels) {
+  std::free(pixels->data);
+  *pixels = {};
+}
+
+constexpr heddle_image_module kModule = {
+    sizeof(heddle_image_module), HEDDLE_IMAGE_MODULE_REVISION, read, decode8, write, release};
+
+}  // namespace
+
+const heddle_image_module* heddle_image_module_entry(void) {
+  return &kModule;
+}
