@@ -193,6 +193,7 @@ class Device {
                                       std::uint32_t layers, std::uint32_t mip, std::uint32_t mips) const;
   Image bare_image(const ImageShape& shape, bool is_placed);
   Buffer bare_buffer(std::uint64_t size, VkBufferUsageFlags usage);
+  void make_main_view(Image& image);
 
   struct State;
   std::unique_ptr<State> state_;
