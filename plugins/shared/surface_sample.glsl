@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+// The interpolated `surface` and the textures of its material -> what is at this point. For shaders of kind
+// HEDDLE_SHADER_SURFACES, after pass.glsl: it reads `surface`, `materials` and the five texture arrays.
+// Source  Khronos 2021, "glTF 2.0 Specification", sections 3.9 and 3.7.2; KHR_texture_transform; Mikkelsen 2008,
+//         "Simulation of Wrinkled Surfaces Revisited" (tangent frames: neither vector is normalized before the sum)
+#ifndef HEDDLE_SHARED_SURFACE_SAMPLE_GLSL
+#define HEDDLE_SHARED_SURFACE_SAMPLE_GLSL
+
+struct SurfaceSample {
+  vec3 base_color;        // linear Rec.709, vertex colour in it
+  float alpha;
+  vec3 normal;            // unit, world axes, normal map in it, towards the side that is seen
+  float metalness;
+  vec3 normal_geometric;  // the same without normal map
+  float roughness;        // perceptual
+  vec3 emissive;          // cd/m^2
+  float occlusion;        // 1 open; of the material's texture
+  float ior;
+  bool is_unlit;
+};
+
+vec2 surface_uv(HeddleMaterial material, uint slot) {
+  vec2 uv = (material.texture_uv_sets & (1u << slot)) != 0u ? surface.uv1 : surface.uv0;
+  vec4 m = material.uv_rotation_scale;
+  return mat2(m.xy, m.zw) * uv + material.uv_offset;
+}
+
+vec4 surface_base_color(HeddleMaterial material) {
+  vec4 color = material.base_color * surface.color;
+  uint layer = material.texture_layer[HEDDLE_TEXTURE_BASE_COLOR];
+  if (layer != HEDDLE_NO_TEXTURE)
+    color *= texture(texture_base_color, vec3(surface_uv(material, HEDDLE_TEXTURE_BASE_COLOR), float(layer)));
+  return color;
+}
+
+// True where an alpha-masked material has a hole: discard there.
+bool is_hole(HeddleMaterial material, float alpha) {
+  return material.alpha_mode == HEDDLE_ALPHA_MASK && alpha < material.alpha_cutoff;
+}
+
+vec3 surface_normal_geometric() {
+  vec3 normal = surface.normal / max(length(surface.normal), 1e-20);
+  return gl_FrontFacing ? normal : -normal;
+}
+
+// The back of a surface shows the same bumps from behind: the whole normal turns, not only its base.
+vec3 surface_normal(HeddleMaterial material) {
+  vec3 normal = surface.normal;
+  uint layer = material.texture_layer[HEDDLE_TEXTURE_NORMAL];
+  if (layer != HEDDLE_NO_TEXTURE && dot(surface.tangent.xyz, surface.tangent.xyz) > 0.0) {
+    vec2 uv = surface_uv(material, HEDDLE_TEXTURE_NORMAL);
+    vec3 bump = texture(texture_normal, vec3(uv, float(layer))).xyz * 2.0 - 1.0;
+    bump.xy *= material.normal_scale;
+    vec3 bitangent = surface.tangent.w * cross(surface.normal, surface.tangent.xyz);
+    normal = bump.x * surface.tangent.xyz + bump.y * bitangent + bump.z * surface.normal;
+  }
+  normal /= max(length(normal), 1e-20);
+  return gl_FrontFacing ? normal : -normal;
+}
+
+SurfaceSample sample_surface(HeddleMaterial material) {
+  SurfaceSample s;
+  vec4 base = surface_base_color(material);
+  s.base_color = base.rgb;
+  s.alpha = base.a;
+  s.metalness = material.metalness;
+  s.roughness = material.roughness;
+  uint layer = material.texture_layer[HEDDLE_TEXTURE_METALLIC_ROUGHNESS];
+  if (layer != HEDDLE_NO_TEXTURE) {
+    vec2 uv = surface_uv(material, HEDDLE_TEXTURE_METALLIC_ROUGHNESS);
+    vec4 texel = texture(texture_metallic_roughness, vec3(uv, float(layer)));
+    s.roughness *= texel.g;
+    s.metalness *= texel.b;
+  }
+  s.normal_geometric = surface_normal_geometric();
+  s.normal = surface_normal(material);
+  s.occlusion = 1.0;
+  layer = material.texture_layer[HEDDLE_TEXTURE_OCCLUSION];
+  if (layer != HEDDLE_NO_TEXTURE) {
+    vec2 uv = surface_uv(material, HEDDLE_TEXTURE_OCCLUSION);
+    float texel = texture(texture_occlusion, vec3(uv, float(layer))).r;
+    s.occlusion = 1.0 + material.occlusion_strength * (texel - 1.0);
+  }
+  s.emissive = material.emissive;
+  layer = material.texture_layer_4;
+  if (layer != HEDDLE_NO_TEXTURE) {
+    vec2 uv = surface_uv(material, HEDDLE_TEXTURE_EMISSIVE);
+    s.emissive *= texture(texture_emissive, vec3(uv, float(layer))).rgb;
+  }
+  s.ior = material.ior;
+  s.is_unlit = (material.flags & HEDDLE_MATERIAL_UNLIT) != 0u;
+  return s;
+}
+
+#endif
