@@ -1,0 +1,668 @@
+// SPDX-License-Identifier: Apache-2.0
+// The C API of heddle.h on top of the host: objects, status codes, messages. Nothing throws out of here.
+
+#include "compare/metrics.hpp"
+#include "graph/execute.hpp"
+#include "image/image.hpp"
+#include "plugin/list.hpp"
+#include "scene/scene.hpp"
+
+#include <heddle/heddle.h>
+
+#include <dlfcn.h>
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <cstring>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <set>
+
+using heddle::Diagnostic;
+using heddle::Error;
+using heddle::Severity;
+using Json = nlohmann::ordered_json;
+
+namespace {
+
+/// Message of a heddle_create that failed: there is no host to ask then.
+thread_local std::string create_error;
+
+std::vector<std::filesystem::path> split_path(std::string_view text) {
+  std::vector<std::filesystem::path> folders;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find(':'), text.size());
+    if (end > 0) folders.emplace_back(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return folders;
+}
+
+std::string_view environment(const char* name) {
+  const char* value = std::getenv(name);
+  return value != nullptr ? value : "";
+}
+
+/// The folder of plugins beside libheddle.so: lib/heddle/plugins.
+std::filesystem::path own_plugin_folder() {
+  Dl_info info{};
+  if (dladdr(reinterpret_cast<const void*>(&heddle_version), &info) == 0 || info.dli_fname == nullptr) return {};
+  std::error_code ignored;
+  const std::filesystem::path library = std::filesystem::canonical(info.dli_fname, ignored);
+  return library.parent_path() / "heddle" / "plugins";
+}
+
+std::filesystem::path default_cache_folder() {
+  if (const auto chosen = environment("HEDDLE_CACHE"); !chosen.empty()) return chosen;
+  if (const auto cache = environment("XDG_CACHE_HOME"); !cache.empty()) return std::filesystem::path(cache) / "heddle";
+  if (const auto home = environment("HOME"); !home.empty()) return std::filesystem::path(home) / ".cache" / "heddle";
+  return std::filesystem::temp_directory_path() / "heddle-cache";
+}
+
+}  // namespace
+
+struct heddle_host {
+  std::function<void(Severity, std::string_view)> log;
+  std::string device_name;
+  bool validation = false;
+  std::unique_ptr<heddle::Registry> registry;
+  std::unique_ptr<heddle::vulkan::Device> device;
+  std::unique_ptr<heddle::graph::HostServices> services;
+  std::string error;
+  std::string list_text, devices_text, doctor_text, compare_text;
+  heddle::image::Image image;
+
+  heddle::vulkan::Device& open_device() {
+    if (!device)
+      device = std::make_unique<heddle::vulkan::Device>(heddle::vulkan::DeviceOptions{device_name, validation, log});
+    return *device;
+  }
+};
+
+struct heddle_scene {
+  heddle_host* host = nullptr;
+  heddle::scene::Scene scene;
+  std::string description;
+};
+
+struct heddle_graph {
+  heddle_host* host = nullptr;
+  heddle::graph::WrittenGraph written;
+  std::vector<std::string> kept;
+  std::unique_ptr<heddle::graph::Executor> executor;
+  std::string explanation, stats;
+  heddle::graph::Executor::ReadBack read_back;
+};
+
+namespace {
+
+/// Runs `body`; what it throws becomes the host's message and a status.
+template <class Body>
+heddle_status guarded(std::string& error, Body body) {
+  try {
+    body();
+    return HEDDLE_OK;
+  } catch (const Error& thrown) {
+    error = thrown.what();
+    return thrown.status();
+  } catch (const std::bad_alloc&) {
+    error = "error: out of memory";
+    return HEDDLE_FAILED;
+  } catch (const std::exception& thrown) {
+    error = fmt::format("error: {}", thrown.what());
+    return HEDDLE_FAILED;
+  }
+}
+
+/// Copies a caller's structure, older or newer, into the current definition; missing fields stay zero.
+template <class Structure>
+Structure take(const Structure* given, std::string_view name) {
+  Structure taken{};
+  if (given == nullptr) throw Error(HEDDLE_BUG, fmt::format("{} is NULL", name));
+  std::uint32_t size = 0;
+  std::memcpy(&size, given, sizeof size);
+  if (size < sizeof size) throw Error(HEDDLE_BUG, fmt::format("{}.struct_size is {}: set it to sizeof", name, size));
+  std::memcpy(&taken, given, std::min<std::size_t>(size, sizeof taken));
+  return taken;
+}
+
+template <class Item>
+void check_id(std::uint32_t id, const std::vector<Item>& items, std::string_view kind) {
+  if (id < items.size()) return;
+  throw Error(HEDDLE_BAD_INPUT, fmt::format("there is no {} {}: the scene has {}", kind, id, items.size()));
+}
+
+glm::dmat4 matrix_from(const double* values, std::string_view what) {
+  glm::dmat4 matrix;
+  for (glm::length_t column = 0; column < 4; ++column) {
+    for (glm::length_t row = 0; row < 4; ++row) {
+      const double value = values[column * 4 + row];
+      if (!std::isfinite(value)) {
+        throw Error(HEDDLE_BAD_INPUT, fmt::format("{}: element {} is not finite", what, column * 4 + row));
+      }
+      matrix[column][row] = value;
+    }
+  }
+  if (matrix[0][3] != 0 || matrix[1][3] != 0 || matrix[2][3] != 0 || matrix[3][3] != 1) {
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("{}: the last row must be 0 0 0 1", what));
+  }
+  return matrix;
+}
+
+std::string text_or_empty(const char* text) {
+  return text != nullptr ? text : "";
+}
+
+void check_camera(const heddle_camera& camera) {
+  for (const double value : {camera.position[0], camera.position[1], camera.position[2], camera.rotation[0],
+                             camera.rotation[1], camera.rotation[2], camera.rotation[3]}) {
+    if (!std::isfinite(value)) throw Error(HEDDLE_BAD_INPUT, "the camera's place is not finite");
+  }
+  const double limit = camera.is_orthographic != 0 ? std::numeric_limits<double>::max() : 3.141592;
+  if (!(camera.vertical_angle > 0 && camera.vertical_angle < limit)) {
+    throw Error(HEDDLE_BAD_INPUT,
+                fmt::format("the camera's vertical_angle is {}: expected more than 0 and less than pi "
+                            "radians (orthographic: a half height in metres)",
+                            camera.vertical_angle));
+  }
+}
+
+void resolve_into(heddle_graph& graph, heddle::graph::WrittenGraph written) {
+  heddle::graph::ResolvedGraph resolved = heddle::graph::resolve(written, *graph.host->registry);
+  auto executor = std::make_unique<heddle::graph::Executor>(*graph.host->services, std::move(resolved));
+  for (const std::string& port : graph.kept) executor->keep(port);
+  graph.written = std::move(written);
+  graph.executor = std::move(executor);
+}
+
+/// Whether two resolved graphs differ in parameter values alone; then these are set in place.
+bool set_parameters_in_place(heddle_graph& graph, const heddle::graph::ResolvedGraph& resolved) {
+  using heddle::graph::PassIndex;
+  const heddle::graph::ResolvedGraph& present = graph.executor->graph();
+  if (present.width != resolved.width || present.height != resolved.height || present.output != resolved.output ||
+      present.passes.size() != resolved.passes.size() || present.resources.size() != resolved.resources.size()) {
+    return false;
+  }
+  for (std::size_t i = 0; i < resolved.passes.size(); ++i) {
+    const auto& a = present.passes[i];
+    const auto& b = resolved.passes[i];
+    if (a.name != b.name || a.entry.technique != b.entry.technique || a.serves != b.serves ||
+        a.inout_sources != b.inout_sources || a.dependencies != b.dependencies) {
+      return false;
+    }
+    // Pruning takes ports away from the present graph; only what it still has can have changed its source.
+    for (const auto& [port, resource] : a.ports) {
+      const auto other = b.ports.find(port);
+      if (other == b.ports.end() || other->second != resource) return false;
+    }
+    if (a.functions.size() != b.functions.size()) return false;
+    for (std::size_t f = 0; f < a.functions.size(); ++f) {
+      if (a.functions[f].role != b.functions[f].role || a.functions[f].join != b.functions[f].join ||
+          a.functions[f].providers != b.functions[f].providers) {
+        return false;
+      }
+    }
+  }
+  for (PassIndex i = 0; i < resolved.passes.size(); ++i) {
+    for (std::size_t p = 0; p < resolved.passes[i].parameters.size(); ++p) {
+      if (!(present.passes[i].parameters[p] == resolved.passes[i].parameters[p])) {
+        graph.executor->set_parameter(i, p, resolved.passes[i].parameters[p]);
+      }
+    }
+  }
+  return true;
+}
+
+Json device_json(const heddle::vulkan::DeviceInfo& device) {
+  Json json{{"index", device.index},
+            {"name", device.name},
+            {"driver", device.driver},
+            {"driver_version", device.driver_version},
+            {"type", device.type}};
+  json["api"] = fmt::format("{}.{}.{}", VK_API_VERSION_MAJOR(device.api_version),
+                            VK_API_VERSION_MINOR(device.api_version), VK_API_VERSION_PATCH(device.api_version));
+  json["is_usable"] = device.is_usable;
+  if (!device.is_usable) json["missing"] = device.missing;
+  return json;
+}
+
+/// Runs a check for doctor: {"name": ..., "found": bool, "for": ..., "problem": ...}.
+template <class Body>
+Json checked(std::string_view name, std::string_view use, Body body) {
+  Json json{{"name", name}, {"found", true}, {"for", use}};
+  try {
+    body();
+  } catch (const Error& error) {
+    json["found"] = false;
+    json["problem"] = error.what();
+  }
+  return json;
+}
+
+Json counters_json(const heddle::vulkan::Counters& before, const heddle::vulkan::Counters& after) {
+  return {{"commands", after.commands - before.commands},
+          {"draws", after.draws - before.draws},
+          {"dispatches", after.dispatches - before.dispatches},
+          {"barriers", after.barriers - before.barriers},
+          {"renderings", after.renderings - before.renderings},
+          {"submits", after.submits - before.submits},
+          {"uploaded_bytes", after.uploaded_bytes - before.uploaded_bytes},
+          {"read_back_bytes", after.read_back_bytes - before.read_back_bytes},
+          {"pipelines_created", after.pipelines - before.pipelines},
+          {"live_pipelines", after.live_pipelines},
+          {"live_images", after.live_images},
+          {"live_buffers", after.live_buffers},
+          {"device_memory_bytes", after.device_memory_bytes}};
+}
+
+heddle::image::Image image_from(const heddle_image* given, std::string_view name) {
+  const heddle_image taken = take(given, name);
+  if (taken.pixels == nullptr || taken.width == 0 || taken.height == 0 || taken.channels == 0 || taken.channels > 4) {
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("{} is empty, or has other than 1 to 4 channels", name));
+  }
+  heddle::image::Image image{taken.width, taken.height, taken.channels, {}};
+  image.pixels.assign(taken.pixels, taken.pixels + std::size_t{taken.width} * taken.height * taken.channels);
+  return image;
+}
+
+}  // namespace
+
+// ---- Host ----
+
+const char* heddle_version(void) {
+  return HEDDLE_VERSION;
+}
+
+heddle_status heddle_create(const heddle_host_options* options, heddle_host** out) {
+  *out = nullptr;
+  return guarded(create_error, [&] {
+    const heddle_host_options chosen = options != nullptr ? take(options, "options") : heddle_host_options{};
+    auto host = std::make_unique<heddle_host>();
+    if (chosen.log != nullptr) {
+      host->log = [log = chosen.log, user = chosen.log_user](Severity severity, std::string_view text) {
+        log(user, static_cast<std::uint32_t>(severity), std::string(text).c_str());
+      };
+    } else {
+      host->log = [](Severity, std::string_view) {};
+    }
+    host->device_name = text_or_empty(chosen.device);
+    host->validation = (chosen.flags & HEDDLE_HOST_VALIDATION) != 0;
+    std::vector<std::filesystem::path> folders;
+    if (chosen.plugin_path != nullptr) {
+      folders = split_path(chosen.plugin_path);
+    } else {
+      folders = split_path(environment("HEDDLE_PLUGIN_PATH"));
+      folders.push_back(own_plugin_folder());
+    }
+    host->registry = std::make_unique<heddle::Registry>(std::move(folders));
+    const std::filesystem::path cache = chosen.cache_path != nullptr ? chosen.cache_path : default_cache_folder();
+    host->services = std::make_unique<heddle::graph::HostServices>(heddle::graph::HostServices{
+        *host->registry, [raw = host.get()]() -> heddle::vulkan::Device& { return raw->open_device(); }, cache,
+        host->log});
+    *out = host.release();
+  });
+}
+
+void heddle_destroy(heddle_host* host) {
+  delete host;
+}
+
+const char* heddle_error(const heddle_host* host) {
+  return host != nullptr ? host->error.c_str() : create_error.c_str();
+}
+
+heddle_status heddle_list(heddle_host* host, const char** out_json) {
+  return guarded(host->error, [&] {
+    host->list_text = heddle::list_json(*host->registry);
+    *out_json = host->list_text.c_str();
+  });
+}
+
+heddle_status heddle_devices(heddle_host* host, const char** out_json) {
+  return guarded(host->error, [&] {
+    Json devices = Json::array();
+    for (const auto& device : heddle::vulkan::list_devices()) devices.push_back(device_json(device));
+    host->devices_text = Json{{"devices", devices}}.dump(2);
+    *out_json = host->devices_text.c_str();
+  });
+}
+
+heddle_status heddle_doctor(heddle_host* host, const char** out_json) {
+  return guarded(host->error, [&] {
+    Json report{{"version", HEDDLE_VERSION}, {"abi", fmt::format("{}.{}", HEDDLE_ABI_MAJOR, HEDDLE_ABI_MINOR)}};
+    Json checks = Json::array();
+    checks.push_back(checked("Vulkan loader", "everything that renders", [] { (void)heddle::vulkan::list_devices(); }));
+    checks.push_back(checked("Vulkan device", "everything that renders", [&] { (void)host->open_device(); }));
+    checks.push_back(checked("VK_LAYER_KHRONOS_validation", "--validation", [] {
+      const auto layers = heddle::vulkan::list_layers();
+      if (std::find(layers.begin(), layers.end(), "VK_LAYER_KHRONOS_validation") == layers.end()) {
+        throw Error(HEDDLE_FAILED, "the loader does not know the layer", "install the package vulkan-validationlayers");
+      }
+    }));
+    checks.push_back(checked("OpenImageIO module", "reading and writing images, textures", [] {
+      constexpr std::array<std::byte, 4> kNoImage{};
+      try {
+        (void)heddle::image::decode8(kNoImage, "doctor's probe");
+      } catch (const Error& error) {
+        if (error.status() != HEDDLE_BAD_INPUT) throw;  // bad input is the library's answer: it is there
+      }
+    }));
+    report["checks"] = checks;
+    if (host->device) report["device"] = device_json(host->device->info());
+    Json techniques = Json::array();
+    for (const heddle::Technique* technique : host->registry->techniques()) {
+      Json entry{{"id", technique->id}};
+      std::string problem;
+      try {
+        (void)host->registry->open(host->registry->find(technique->id));
+        if (!host->device) problem = "there is no usable Vulkan device";
+      } catch (const Error& error) {
+        problem = error.what();
+      }
+      entry["runs"] = problem.empty();
+      if (!problem.empty()) {
+        entry["problem"] = problem;
+        entry["instead"] = technique->fallback.empty()
+                               ? fmt::format("technique = \"none\": the role '{}' is neutral", technique->role_name())
+                               : technique->fallback;
+      }
+      techniques.push_back(entry);
+    }
+    report["techniques"] = techniques;
+    host->doctor_text = report.dump(2);
+    *out_json = host->doctor_text.c_str();
+  });
+}
+
+// ---- Scene ----
+
+heddle_status heddle_scene_create(heddle_host* host, heddle_scene** out) {
+  return guarded(host->error, [&] {
+    auto scene = std::make_unique<heddle_scene>();
+    scene->host = host;
+    *out = scene.release();
+  });
+}
+
+void heddle_scene_destroy(heddle_scene* scene) {
+  delete scene;
+}
+
+heddle_status heddle_scene_load(heddle_scene* scene, const char* path) {
+  return guarded(scene->host->error, [&] { heddle::scene::load_gltf(scene->scene, path); });
+}
+
+heddle_status heddle_scene_add_texture(heddle_scene* scene, const char* name, const heddle_texture* texture,
+                                       uint32_t* out_id) {
+  return guarded(scene->host->error, [&] {
+    const heddle_texture taken = take(texture, "texture");
+    if (taken.width == 0 || taken.height == 0 || taken.width > 16384 || taken.height > 16384 || taken.rgba == nullptr) {
+      throw Error(HEDDLE_BAD_INPUT, fmt::format("texture '{}' is {} x {} texels: expected 1 to 16384 each, and pixels",
+                                                text_or_empty(name), taken.width, taken.height));
+    }
+    heddle::scene::Texture made;
+    made.name = text_or_empty(name);
+    made.width = taken.width;
+    made.height = taken.height;
+    made.is_srgb = taken.is_srgb != 0;
+    made.wrap = {taken.wrap_u, taken.wrap_v};
+    made.rgba.assign(taken.rgba, taken.rgba + std::size_t{4} * taken.width * taken.height);
+    scene->scene.textures.push_back(std::move(made));
+    ++scene->scene.content_revision;
+    *out_id = static_cast<uint32_t>(scene->scene.textures.size() - 1);
+  });
+}
+
+heddle_status heddle_scene_add_material(heddle_scene* scene, const char* name, const heddle_material* material,
+                                        uint32_t* out_id) {
+  return guarded(scene->host->error, [&] {
+    const heddle_material taken = take(material, "material");
+    heddle::scene::Material made;
+    made.name = text_or_empty(name);
+    made.record = taken.record;
+    for (std::size_t i = 0; i < made.textures.size(); ++i) {
+      made.textures[i] = taken.textures[i];
+      if (taken.textures[i] != HEDDLE_NONE) check_id(taken.textures[i], scene->scene.textures, "texture");
+    }
+    made.record.id = static_cast<uint32_t>(scene->scene.materials.size());
+    scene->scene.materials.push_back(std::move(made));
+    ++scene->scene.content_revision;
+    *out_id = static_cast<uint32_t>(scene->scene.materials.size() - 1);
+  });
+}
+
+heddle_status heddle_scene_add_mesh(heddle_scene* scene, const char* name, const heddle_mesh* mesh, uint32_t material,
+                                    uint32_t* out_id) {
+  return guarded(scene->host->error, [&] {
+    check_id(material, scene->scene.materials, "material");
+    scene->scene.meshes.push_back(
+        heddle::scene::make_mesh(take(mesh, "mesh"), text_or_empty(name), material, scene->scene.materials[material]));
+    ++scene->scene.content_revision;
+    *out_id = static_cast<uint32_t>(scene->scene.meshes.size() - 1);
+  });
+}
+
+heddle_status heddle_scene_add_instance(heddle_scene* scene, const char* name, uint32_t mesh,
+                                        const double scene_from_object[16], uint32_t* out_id) {
+  return guarded(scene->host->error, [&] {
+    check_id(mesh, scene->scene.meshes, "mesh");
+    heddle::scene::Instance made;
+    made.name = text_or_empty(name);
+    made.mesh = mesh;
+    made.scene_from_object = matrix_from(scene_from_object, "scene_from_object");
+    made.previous_scene_from_object = made.scene_from_object;
+    scene->scene.instances.push_back(std::move(made));
+    ++scene->scene.content_revision;
+    *out_id = static_cast<uint32_t>(scene->scene.instances.size() - 1);
+  });
+}
+
+heddle_status heddle_scene_add_light(heddle_scene* scene, const char* name, const heddle_light* light,
+                                     uint32_t* out_id) {
+  return guarded(scene->host->error, [&] {
+    const heddle_light taken = take(light, "light");
+    if (taken.record.type > HEDDLE_LIGHT_ENVIRONMENT) {
+      throw Error(HEDDLE_BAD_INPUT,
+                  fmt::format("light '{}' has the unknown type {}", text_or_empty(name), taken.record.type));
+    }
+    heddle::scene::Light made;
+    made.name = text_or_empty(name);
+    made.position = {taken.position[0], taken.position[1], taken.position[2]};
+    made.record = taken.record;
+    made.record.id = static_cast<uint32_t>(scene->scene.lights.size());
+    scene->scene.lights.push_back(std::move(made));
+    *out_id = static_cast<uint32_t>(scene->scene.lights.size() - 1);
+  });
+}
+
+heddle_status heddle_scene_add_camera(heddle_scene* scene, const char* name, const heddle_camera* camera,
+                                      uint32_t* out_id) {
+  return guarded(scene->host->error, [&] {
+    heddle::scene::Camera made;
+    made.name = text_or_empty(name);
+    made.record = take(camera, "camera");
+    check_camera(made.record);
+    scene->scene.cameras.push_back(std::move(made));
+    *out_id = static_cast<uint32_t>(scene->scene.cameras.size() - 1);
+  });
+}
+
+heddle_status heddle_scene_set_instance(heddle_scene* scene, uint32_t id, const double scene_from_object[16]) {
+  return guarded(scene->host->error, [&] {
+    check_id(id, scene->scene.instances, "instance");
+    heddle::scene::Instance& instance = scene->scene.instances[id];
+    const glm::dmat4 moved = matrix_from(scene_from_object, "scene_from_object");
+    instance.previous_scene_from_object = instance.scene_from_object;
+    instance.scene_from_object = moved;
+    ++scene->scene.motion_revision;
+  });
+}
+
+heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_t id, const heddle_camera* camera) {
+  return guarded(scene->host->error, [&] {
+    check_id(id, scene->scene.cameras, "camera");
+    const heddle_camera taken = take(camera, "camera");
+    check_camera(taken);
+    scene->scene.cameras[id].record = taken;
+  });
+}
+
+heddle_status heddle_scene_use_camera(heddle_scene* scene, uint32_t id) {
+  return guarded(scene->host->error, [&] {
+    if (id != HEDDLE_NONE) check_id(id, scene->scene.cameras, "camera");
+    scene->scene.camera = id;
+  });
+}
+
+heddle_status heddle_scene_get_camera(heddle_scene* scene, uint32_t width, uint32_t height, heddle_camera* out) {
+  return guarded(scene->host->error, [&] {
+    heddle_camera camera = scene->scene.active_camera(width, height);
+    camera.struct_size = std::min<std::uint32_t>(out->struct_size, sizeof camera);
+    std::memcpy(out, &camera, camera.struct_size);
+  });
+}
+
+heddle_status heddle_scene_describe(heddle_scene* scene, const char** out_json) {
+  return guarded(scene->host->error, [&] {
+    scene->description = scene->scene.describe_json();
+    *out_json = scene->description.c_str();
+  });
+}
+
+// ---- Graph ----
+
+namespace {
+
+heddle_status make_graph(heddle_host* host, const char* const* settings, uint32_t setting_count, heddle_graph** out,
+                         const std::function<heddle::graph::WrittenGraph()>& read) {
+  *out = nullptr;
+  return guarded(host->error, [&] {
+    auto graph = std::make_unique<heddle_graph>();
+    graph->host = host;
+    heddle::graph::WrittenGraph written = read();
+    for (uint32_t i = 0; i < setting_count; ++i) heddle::graph::apply_setting(written, settings[i]);
+    resolve_into(*graph, std::move(written));
+    *out = graph.release();
+  });
+}
+
+}  // namespace
+
+heddle_status heddle_graph_load(heddle_host* host, const char* path, const char* const* settings,
+                                uint32_t setting_count, heddle_graph** out) {
+  return make_graph(host, settings, setting_count, out, [&] { return heddle::graph::read_graph(path); });
+}
+
+heddle_status heddle_graph_parse(heddle_host* host, const char* text, const char* name, const char* folder,
+                                 const char* const* settings, uint32_t setting_count, heddle_graph** out) {
+  return make_graph(host, settings, setting_count, out, [&] {
+    heddle::graph::WrittenGraph written = heddle::graph::parse(text, name != nullptr ? name : "graph");
+    if (!written.extends) return written;
+    const auto* base = std::get_if<std::string>(&written.extends->value);
+    const std::filesystem::path base_file =
+        std::filesystem::path(text_or_empty(folder)) / (base != nullptr ? *base : "");
+    heddle::graph::WrittenGraph below = heddle::graph::read_graph(base_file);
+    written.extends.reset();
+    return heddle::graph::overlay(std::move(below), std::move(written));
+  });
+}
+
+void heddle_graph_destroy(heddle_graph* graph) {
+  delete graph;
+}
+
+heddle_status heddle_graph_explain(heddle_graph* graph, const char* format, const char** out) {
+  return guarded(graph->host->error, [&] {
+    graph->explanation = graph->executor->explain(format);
+    *out = graph->explanation.c_str();
+  });
+}
+
+heddle_status heddle_graph_keep(heddle_graph* graph, const char* port) {
+  return guarded(graph->host->error, [&] {
+    graph->executor->keep(port);
+    if (std::find(graph->kept.begin(), graph->kept.end(), port) == graph->kept.end()) graph->kept.emplace_back(port);
+  });
+}
+
+heddle_status heddle_graph_set(heddle_graph* graph, const char* setting) {
+  return guarded(graph->host->error, [&] {
+    heddle::graph::WrittenGraph written = graph->written;
+    heddle::graph::apply_setting(written, setting);
+    const heddle::graph::ResolvedGraph resolved = heddle::graph::resolve(written, *graph->host->registry);
+    if (set_parameters_in_place(*graph, resolved)) {
+      graph->written = std::move(written);
+    } else {
+      resolve_into(*graph, std::move(written));
+    }
+  });
+}
+
+heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene, const heddle_render_options* options) {
+  return guarded(graph->host->error, [&] {
+    const heddle_render_options chosen = options != nullptr ? take(options, "options") : heddle_render_options{};
+    heddle::graph::FrameOptions frame;
+    frame.profile = (chosen.flags & HEDDLE_RENDER_PROFILE) != 0;
+    frame.cut = chosen.cut != 0;
+    frame.time = chosen.time;
+    frame.time_step = chosen.time_step;
+    frame.seed = chosen.seed;
+    graph->executor->render(scene->scene, frame);
+  });
+}
+
+heddle_status heddle_read(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip, heddle_image* out) {
+  return guarded(graph->host->error, [&] {
+    graph->read_back = graph->executor->read(text_or_empty(port), layer, mip);
+    const auto& read = graph->read_back;
+    *out = {sizeof *out, read.width, read.height, read.channels, read.pixels.data()};
+  });
+}
+
+heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
+  return guarded(graph->host->error, [&] {
+    const heddle::graph::FrameStats& stats = graph->executor->stats();
+    Json json{{"frames", stats.frame}, {"wall_ms", stats.wall_ms}, {"submit_ms", stats.submit_ms}};
+    json["stages"] = Json::array();
+    for (const auto& stage : stats.stages) {
+      json["stages"].push_back(
+          {{"pass", stage.pass}, {"stage", stage.stage}, {"wall_ms", stage.wall_ms}, {"cpu_ms", stage.cpu_ms}});
+    }
+    json["counters"] = counters_json(stats.before, stats.after);
+    json["memory"] = {{"transient_bytes", stats.heap_bytes},
+                      {"transient_bytes_without_aliasing", stats.unaliased_bytes},
+                      {"kept_bytes", stats.kept_bytes}};
+    json["libraries"] = stats.libraries;
+    if (graph->host->device) json["device"] = device_json(graph->host->device->info());
+    graph->stats = json.dump(2);
+    *out_json = graph->stats.c_str();
+  });
+}
+
+// ---- Images ----
+
+heddle_status heddle_image_read(heddle_host* host, const char* path, heddle_image* out) {
+  return guarded(host->error, [&] {
+    host->image = heddle::image::read(path);
+    *out = {sizeof *out, host->image.width, host->image.height, host->image.channels, host->image.pixels.data()};
+  });
+}
+
+heddle_status heddle_image_write(heddle_host* host, const char* path, const heddle_image* image) {
+  return guarded(host->error, [&] { heddle::image::write(path, image_from(image, "image")); });
+}
+
+heddle_status heddle_image_compare(heddle_host* host, const heddle_image* a, const heddle_image* b,
+                                   const char* difference_path, const char** out_json) {
+  return guarded(host->error, [&] {
+    const heddle::image::Image first = image_from(a, "image");
+    const heddle::image::Image reference = image_from(b, "reference");
+    host->compare_text = heddle::compare::to_json(heddle::compare::measure(first, reference));
+    if (difference_path != nullptr) {
+      heddle::image::write(difference_path, heddle::compare::difference(first, reference));
+    }
+    *out_json = host->compare_text.c_str();
+  });
+}

@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// heddle explain: what the graph compiler decided, and why.
+
+#include "cli/session.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+
+namespace heddle::cli {
+
+namespace {
+
+struct ExplainArguments : RenderArguments {
+  std::string format = "text";
+};
+
+int explain(ExplainArguments& arguments) {
+  arguments.sort_files();
+  const Owned<heddle_host> host = make_host(arguments.host);
+  const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
+  // With a scene the plan is the real one: pruned by its features, with the driver's sizes.
+  if (!arguments.scene.empty()) {
+    const Owned<heddle_scene> scene = load_scene(host.get(), arguments);
+    check(host.get(), heddle_render(graph.get(), scene.get(), nullptr));
+  }
+  const char* text = nullptr;
+  check(host.get(), heddle_graph_explain(graph.get(), arguments.format.c_str(), &text));
+  fmt::print("{}\n", text);
+  return HEDDLE_OK;
+}
+
+}  // namespace
+
+void add_explain(CLI::App& app, int* exit_status) {
+  CLI::App* command =
+      app.add_subcommand("explain", "say what the graph compiler decided and why; with a scene: for that scene");
+  auto arguments = std::make_shared<ExplainArguments>();
+  arguments->add_to(*command);
+  command->add_option("--format", arguments->format, "text, json or dot")
+      ->check(CLI::IsMember({"text", "json", "dot"}));
+  command->callback([arguments, exit_status] { *exit_status = explain(*arguments); });
+}
+
+}  // namespace heddle::cli

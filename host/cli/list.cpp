@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// heddle list: roles and techniques, from manifests alone.
+
+#include "cli/session.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+namespace heddle::cli {
+
+namespace {
+
+using nlohmann::json;
+
+void print_parameters(const json& technique) {
+  for (const json& parameter : technique["parameters"]) {
+    std::string ladder;
+    if (parameter.contains("ladder") && !parameter["ladder"].empty()) ladder = "  ladder " + parameter["ladder"].dump();
+    fmt::print("      {:<22} {:<8} {}{}\n", parameter["name"].get<std::string>(), parameter.value("unit", ""),
+               parameter.value("help", ""), ladder);
+  }
+}
+
+int list(const HostArguments& arguments, const std::string& only_role, bool as_json) {
+  const Owned<heddle_host> host = make_host(arguments);
+  const char* text = nullptr;
+  check(host.get(), heddle_list(host.get(), &text));
+  if (as_json) {
+    fmt::print("{}\n", text);
+    return HEDDLE_OK;
+  }
+  const json list = json::parse(text);
+  bool is_known = only_role.empty();
+  for (const json& role : list["roles"]) {
+    const auto name = role["name"].get<std::string>();
+    if (!only_role.empty() && name != only_role) continue;
+    is_known = true;
+    fmt::print("{}: {}\n", name, role.value("title", ""));
+    for (const json& technique : list["techniques"]) {
+      if (technique["role"] != name) continue;
+      const auto id = technique["id"].get<std::string>();
+      fmt::print("  {:<24} {}{}\n", id.substr(id.find('/') + 1), technique.value("title", ""),
+                 technique.value("is_reference", false) ? " [reference]" : "");
+      if (!only_role.empty()) print_parameters(technique);
+    }
+  }
+  if (!is_known) {
+    std::vector<std::string> names;
+    for (const json& role : list["roles"]) names.push_back(role["name"].get<std::string>());
+    throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: there is no role '{}'\n  expected: one of {}", only_role,
+                                                fmt::join(names, ", "))};
+  }
+  return HEDDLE_OK;
+}
+
+}  // namespace
+
+void add_list(CLI::App& app, int* exit_status) {
+  CLI::App* command = app.add_subcommand("list", "roles and their techniques; with a role: its parameters too");
+  struct Arguments {
+    HostArguments host;
+    std::string role;
+    bool as_json = false;
+  };
+  auto arguments = std::make_shared<Arguments>();
+  arguments->host.add_to(*command);
+  command->add_option("role", arguments->role, "only this role");
+  command->add_flag("--json", arguments->as_json, "everything, as JSON");
+  command->callback(
+      [arguments, exit_status] { *exit_status = list(arguments->host, arguments->role, arguments->as_json); });
+}
+
+}  // namespace heddle::cli

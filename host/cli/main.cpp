@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+// The command `heddle`: an application of heddle.h like any other.
+
+#include "cli/new_technique.hpp"
+#include "cli/session.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+
+int main(int argc, char** argv) {
+  CLI::App app{
+      "Heddle: weave rendering techniques into frame graphs, swap them by a word, and see what accuracy costs"};
+  app.set_version_flag("--version", std::string("heddle ") + heddle_version());
+  app.require_subcommand(1);
+  app.footer("Exit status: 0 right; 1 a bound was exceeded; 2 bad input; 3 unsupported here; 4 failed; 5 a bug.");
+  int status = HEDDLE_OK;
+  try {
+    // A scene in Python is known by its name alone: before anything else is opened.
+    for (int i = 1; i < argc; ++i) {
+      const std::string_view word = argv[i];
+      if (i > 1 && word.ends_with(".py") &&
+          (std::string_view(argv[1]) == "run" || std::string_view(argv[1]) == "compare")) {
+        heddle::cli::run_in_python(argc, argv);
+      }
+    }
+    heddle::cli::add_run(app, &status);
+    heddle::cli::add_compare(app, &status);
+    heddle::cli::add_explain(app, &status);
+    heddle::cli::add_list(app, &status);
+    heddle::cli::add_doctor(app, &status);
+    heddle::cli::add_new_technique(app);
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return error.get_exit_code() == 0 ? app.exit(error) : (app.exit(error), HEDDLE_BAD_INPUT);
+  } catch (const heddle::cli::Failure& failure) {
+    fmt::print(stderr, "{}\n", failure.message);
+    return failure.status;
+  } catch (const std::exception& error) {
+    fmt::print(stderr, "error: {}\n", error.what());
+    return HEDDLE_FAILED;
+  }
+  return status;
+}

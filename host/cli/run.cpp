@@ -1,0 +1,103 @@
+// SPDX-License-Identifier: Apache-2.0
+// heddle run: renders a scene through a graph and writes images of its ports.
+
+#include "cli/session.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+namespace heddle::cli {
+
+namespace {
+
+struct Output {
+  std::string port;  // empty: the graph's output
+  std::filesystem::path file;
+};
+
+Output parse_output(const std::string& text) {
+  const std::size_t equals = text.find('=');
+  if (equals == std::string::npos) return {{}, text};
+  return {text.substr(0, equals), text.substr(equals + 1)};
+}
+
+struct RunArguments : RenderArguments {
+  std::vector<std::string> outputs;
+  std::string stats;
+  bool profile = false;
+};
+
+void print_stages(const nlohmann::json& stats) {
+  fmt::print("{:<16} {:<16} {:>10} {:>10}\n", "pass", "stage", "wall ms", "CPU ms");
+  for (const auto& stage : stats["stages"]) {
+    fmt::print("{:<16} {:<16} {:>10.3f} {:>10.3f}\n", stage["pass"].get<std::string>(),
+               stage["stage"].get<std::string>(), stage["wall_ms"].get<double>(), stage["cpu_ms"].get<double>());
+  }
+  fmt::print("Each stage was submitted and waited for alone; their sum is not a frame's time.\n");
+}
+
+int run(RunArguments& arguments) {
+  arguments.sort_files();
+  const Owned<heddle_host> host = make_host(arguments.host);
+  const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
+  std::vector<Output> outputs;
+  for (const std::string& text : arguments.outputs) outputs.push_back(parse_output(text));
+  if (outputs.empty()) outputs.push_back({{}, "heddle.png"});
+  for (const Output& output : outputs) {
+    if (!output.port.empty()) check(host.get(), heddle_graph_keep(graph.get(), output.port.c_str()));
+  }
+  const Owned<heddle_scene> scene = load_scene(host.get(), arguments);
+  heddle_render_options options{};
+  options.struct_size = sizeof options;
+  options.time = arguments.time;
+  options.seed = arguments.seed;
+  const char* text = nullptr;
+  for (int frame = 0; frame < arguments.frames; ++frame) {
+    options.flags = arguments.profile && frame + 1 == arguments.frames ? HEDDLE_RENDER_PROFILE : 0U;
+    check(host.get(), heddle_render(graph.get(), scene.get(), &options));
+  }
+  check(host.get(), heddle_stats(graph.get(), &text));
+  const std::string stats = text;
+  for (const Output& output : outputs) {
+    write_port(host.get(), graph.get(), output.port, output.file);
+    say(arguments.host, fmt::format("wrote {}", output.file.string()));
+  }
+  if (!arguments.stats.empty()) {
+    if (arguments.stats == "-") {
+      fmt::print("{}\n", stats);
+    } else if (!(std::ofstream(arguments.stats) << stats << '\n')) {
+      throw Failure{HEDDLE_FAILED, fmt::format("error: cannot write '{}'", arguments.stats)};
+    }
+  }
+  const nlohmann::json parsed = nlohmann::json::parse(stats);
+  if (arguments.profile) print_stages(parsed);
+  say(arguments.host,
+      fmt::format("frame {} on {}: {:.1f} ms; transient memory {:.1f} MiB ({:.1f} MiB without aliasing)",
+                  arguments.frames, parsed["device"]["name"].get<std::string>(), parsed["wall_ms"].get<double>(),
+                  parsed["memory"]["transient_bytes"].get<double>() / 1048576.0,
+                  parsed["memory"]["transient_bytes_without_aliasing"].get<double>() / 1048576.0));
+  return HEDDLE_OK;
+}
+
+}  // namespace
+
+void add_run(CLI::App& app, int* exit_status) {
+  CLI::App* command = app.add_subcommand("run", "render a scene through a graph and write images");
+  auto arguments = std::make_shared<RunArguments>();
+  arguments->add_to(*command);
+  command
+      ->add_option(
+          "--output,-o", arguments->outputs,
+          "FILE for the graph's output, or PASS.PORT=FILE for any port; .exr keeps floats (default: heddle.png)")
+      ->take_all()
+      ->allow_extra_args(false);
+  command->add_option("--stats", arguments->stats, "write counters, memory and times as JSON; - for standard output");
+  command->add_flag("--profile", arguments->profile, "time the last frame stage by stage");
+  command->callback([arguments, exit_status] { *exit_status = run(*arguments); });
+}
+
+}  // namespace heddle::cli

@@ -1,0 +1,170 @@
+// SPDX-License-Identifier: Apache-2.0
+// Owners, arguments and files for the subcommands.
+
+#include "cli/session.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+
+namespace heddle::cli {
+
+namespace {
+
+void log_to_stderr(void* user, std::uint32_t severity, const char* text) {
+  const bool is_quiet = *static_cast<const bool*>(user);
+  if (is_quiet && severity > 0) return;
+  std::fprintf(stderr, "%s\n", text);
+}
+
+std::filesystem::path program_folder() {
+  std::error_code ignored;
+  return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path();
+}
+
+/// Graphs that come with Heddle: beside the libraries, lib/heddle/graphs.
+std::filesystem::path shipped_graph(const std::string& name) {
+  return program_folder().parent_path() / "lib" / "heddle" / "graphs" /
+         (name.ends_with(".toml") ? name : name + ".toml");
+}
+
+bool is_scene(const std::string& file) {
+  return file.ends_with(".gltf") || file.ends_with(".glb") || file.ends_with(".py");
+}
+
+}  // namespace
+
+void check(const heddle_host* host, heddle_status status) {
+  if (status != HEDDLE_OK) throw Failure{status, heddle_error(host)};
+}
+
+void HostArguments::add_to(CLI::App& app) {
+  app.add_option("--device", device, "part of a device's name, or its index (see: heddle devices)");
+  app.add_option("--plugins", plugin_path, "folders with plugins, separated by ':'");
+  app.add_flag("--validation", validation, "run with Vulkan's validation layer; what it finds is an error");
+  app.add_flag("--quiet,-q", quiet, "errors only");
+}
+
+Owned<heddle_host> make_host(const HostArguments& arguments) {
+  heddle_host_options options{};
+  options.struct_size = sizeof options;
+  options.flags = arguments.validation ? HEDDLE_HOST_VALIDATION : 0U;
+  options.device = arguments.device.empty() ? nullptr : arguments.device.c_str();
+  options.plugin_path = arguments.plugin_path.empty() ? nullptr : arguments.plugin_path.c_str();
+  options.log = log_to_stderr;
+  options.log_user = const_cast<bool*>(&arguments.quiet);
+  heddle_host* host = nullptr;
+  check(nullptr, heddle_create(&options, &host));
+  return Owned<heddle_host>(host);
+}
+
+void RenderArguments::add_to(CLI::App& app) {
+  host.add_to(app);
+  app.add_option(
+      "files", files,
+      "a graph (file, or the name of a shipped one; default: deferred) and a scene (.gltf, .glb, .py), in any "
+      "order");
+  app.add_option("--scene", scene, "the scene: .gltf, .glb or .py");
+  app.add_option("--camera", camera, "name or number of one of the scene's cameras");
+  app.add_option("--set", settings, "change the graph: ao.technique=gtao, ao.params.radius=1, extent=[640,360]")
+      ->take_all()
+      ->allow_extra_args(false);
+  app.add_option("--frames", frames, "how many frames")->check(CLI::Range(1, 1000000));
+  app.add_option("--time", time, "scene time of the first frame, seconds");
+  app.add_option("--seed", seed, "seed of everything random");
+}
+
+void RenderArguments::sort_files() {
+  std::string graph;
+  for (const std::string& file : files) {
+    std::string& kind = is_scene(file) ? scene : graph;
+    if (!kind.empty()) {
+      throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: two {}s were given: '{}' and '{}'",
+                                                  is_scene(file) ? "scene" : "graph", kind, file)};
+    }
+    kind = file;
+  }
+  if (graph.empty()) graph = "deferred";
+  graph_file = graph;
+  if (!std::filesystem::exists(graph_file) && std::filesystem::exists(shipped_graph(graph))) {
+    graph_file = shipped_graph(graph);
+  }
+}
+
+Owned<heddle_graph> load_graph(heddle_host* host, const RenderArguments& arguments,
+                               const std::vector<std::string>& more_settings) {
+  std::vector<const char*> settings;
+  for (const std::string& setting : arguments.settings) settings.push_back(setting.c_str());
+  for (const std::string& setting : more_settings) settings.push_back(setting.c_str());
+  heddle_graph* graph = nullptr;
+  check(host, heddle_graph_load(host, arguments.graph_file.c_str(), settings.data(),
+                                static_cast<std::uint32_t>(settings.size()), &graph));
+  return Owned<heddle_graph>(graph);
+}
+
+Owned<heddle_scene> load_scene(heddle_host* host, const RenderArguments& arguments) {
+  heddle_scene* made = nullptr;
+  check(host, heddle_scene_create(host, &made));
+  Owned<heddle_scene> loaded(made);
+  if (!arguments.scene.empty()) check(host, heddle_scene_load(loaded.get(), arguments.scene.c_str()));
+  const char* text = nullptr;
+  check(host, heddle_scene_describe(loaded.get(), &text));
+  const nlohmann::json description = nlohmann::json::parse(text);
+  const auto cameras = description.value("cameras", std::vector<std::string>{});
+  if (!arguments.camera.empty()) {
+    auto found = std::find(cameras.begin(), cameras.end(), arguments.camera);
+    if (found == cameras.end() && arguments.camera.find_first_not_of("0123456789") == std::string::npos) {
+      const unsigned long index = std::strtoul(arguments.camera.c_str(), nullptr, 10);
+      if (index < cameras.size()) found = cameras.begin() + static_cast<std::ptrdiff_t>(index);
+    }
+    if (found == cameras.end()) {
+      throw Failure{HEDDLE_BAD_INPUT,
+                    fmt::format("error: the scene has no camera '{}'\n  expected: {}", arguments.camera,
+                                cameras.empty() ? "no --camera: the scene has none"
+                                                : fmt::format("one of {}", fmt::join(cameras, ", ")))};
+    }
+    check(host, heddle_scene_use_camera(loaded.get(), static_cast<std::uint32_t>(found - cameras.begin())));
+  } else if (!cameras.empty()) {
+    check(host, heddle_scene_use_camera(loaded.get(), 0));
+  }
+  return loaded;
+}
+
+void write_port(heddle_host* host, heddle_graph* graph, const std::string& port, const std::filesystem::path& file) {
+  heddle_image image{};
+  image.struct_size = sizeof image;
+  check(host, heddle_read(graph, port.empty() ? nullptr : port.c_str(), 0, 0, &image));
+  if (file.has_parent_path()) {
+    std::error_code ignored;
+    std::filesystem::create_directories(file.parent_path(), ignored);
+  }
+  check(host, heddle_image_write(host, file.c_str(), &image));
+}
+
+void say(const HostArguments& arguments, std::string_view text) {
+  if (!arguments.quiet) fmt::print(stderr, "{}\n", text);
+}
+
+void run_in_python(int argc, char** argv) {
+  // The package lies in scripts/ of the source tree or beside the libraries; both are tried before Python's own path.
+  const std::filesystem::path prefix = program_folder().parent_path();
+  std::string path = (prefix / "lib" / "heddle" / "python").string();
+  if (const char* present = std::getenv("PYTHONPATH"); present != nullptr) path += std::string(":") + present;
+  setenv("PYTHONPATH", path.c_str(), 1);
+  std::vector<std::string> words{"python3", "-m", "heddle"};
+  for (int i = 1; i < argc; ++i) words.emplace_back(argv[i]);
+  std::vector<char*> arguments;
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  execvp("python3", arguments.data());
+  throw Failure{HEDDLE_FAILED,
+                "error: the scene is a Python file, and python3 could not be started\n  help: install the "
+                "packages python3 and python3-numpy"};
+}
+
+}  // namespace heddle::cli

@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the subcommands share: owners of heddle.h's objects, errors as exceptions, arguments for graph and scene.
+#pragma once
+
+#include <heddle/heddle.h>
+
+#include <CLI/App.hpp>
+
+#include <filesystem>
+#include <memory>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace heddle::cli {
+
+/// A failed call of heddle.h: its whole message and status.
+struct Failure {
+  heddle_status status;
+  std::string message;
+};
+
+struct Destroy {
+  void operator()(heddle_host* host) const { heddle_destroy(host); }
+  void operator()(heddle_scene* scene) const { heddle_scene_destroy(scene); }
+  void operator()(heddle_graph* graph) const { heddle_graph_destroy(graph); }
+};
+template <class Object>
+using Owned = std::unique_ptr<Object, Destroy>;
+
+/// Throws Failure with the host's message unless HEDDLE_OK.
+void check(const heddle_host* host, heddle_status status);
+
+struct HostArguments {
+  std::string device;
+  std::string plugin_path;
+  bool validation = false;
+  bool quiet = false;
+  void add_to(CLI::App& app);
+};
+Owned<heddle_host> make_host(const HostArguments& arguments);
+
+struct RenderArguments {
+  HostArguments host;
+  std::vector<std::string> files;  // a graph and a scene, in any order
+  std::string scene;
+  std::string camera;
+  std::vector<std::string> settings;  // --set
+  int frames = 1;
+  std::uint64_t seed = 0;
+  double time = 0;
+  void add_to(CLI::App& app);
+  /// Sorts `files` into graph and scene; finds shipped graphs by name. Throws Failure.
+  void sort_files();
+  std::filesystem::path graph_file;  // after sort_files
+};
+
+Owned<heddle_graph> load_graph(heddle_host* host, const RenderArguments& arguments,
+                               const std::vector<std::string>& more_settings = {});
+/// The scene of the arguments; empty without one.
+Owned<heddle_scene> load_scene(heddle_host* host, const RenderArguments& arguments);
+
+/// Writes a port (empty: the graph's output) as an image.
+void write_port(heddle_host* host, heddle_graph* graph, const std::string& port, const std::filesystem::path& file);
+
+/// A line for people on stderr unless quiet.
+void say(const HostArguments& arguments, std::string_view text);
+
+/// Scenes written in Python run in Python over the same C API: replaces this process by
+/// `python3 -m heddle ARGUMENTS`. Returns only by throwing Failure.
+[[noreturn]] void run_in_python(int argc, char** argv);
+
+// One function a subcommand; each registers itself and sets *exit_status when it ran.
+void add_run(CLI::App& app, int* exit_status);
+void add_compare(CLI::App& app, int* exit_status);
+void add_list(CLI::App& app, int* exit_status);
+void add_doctor(CLI::App& app, int* exit_status);
+void add_explain(CLI::App& app, int* exit_status);
+
+}  // namespace heddle::cli
