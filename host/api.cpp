@@ -5,6 +5,7 @@
 #include "graph/execute.hpp"
 #include "image/image.hpp"
 #include "plugin/list.hpp"
+#include "scene/arrays.hpp"
 #include "scene/scene.hpp"
 
 #include <heddle/heddle.h>
@@ -14,6 +15,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <cstring>
 #include <functional>
