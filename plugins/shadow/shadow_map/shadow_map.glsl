@@ -77,14 +77,15 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
 
   vec3 from_light = position_rel - view.eye_rel;
   float light_distance = length(from_light);
+  bool is_segment = source.type == HEDDLE_LIGHT_CAPSULE || source.type == HEDDLE_LIGHT_WEDGE;
+  bool has_extent = is_segment || source.type == HEDDLE_LIGHT_SPHERE || source.type == HEDDLE_LIGHT_RECTANGLE;
   vec3 L = -source.direction;
   if (!is_parallel) {
     // At the light itself there is nothing between; at and beyond the range there is no light.
-    if (light_distance <= 0.0 || (source.range > 0.0 && light_distance >= source.range)) return 1.0;
+    float range = source.range + (is_segment ? 0.5 * source.segment_length : 0.0);
+    if (light_distance <= 0.0 || (source.range > 0.0 && light_distance >= range)) return 1.0;
     L = -from_light / light_distance;
   }
-  bool has_extent = source.type == HEDDLE_LIGHT_SPHERE || source.type == HEDDLE_LIGHT_CAPSULE ||
-                    source.type == HEDDLE_LIGHT_RECTANGLE || source.type == HEDDLE_LIGHT_WEDGE;
   if (!has_extent && dot(normal, L) <= 0.0) return 0.0;
 
   float fade = 0.0;
