@@ -52,7 +52,8 @@ class Registry {
 
  private:
   std::map<std::string, Role, std::less<>> roles_;
-  std::vector<std::unique_ptr<Manifest>> manifests_;
+  std::vector<std::unique_ptr<Manifest>> manifests_;   // as the libraries describe themselves
+  std::vector<std::unique_ptr<Technique>> completed_;  // the same, with what their roles add
   std::map<std::string, TechniqueEntry, std::less<>> techniques_;
   std::vector<std::filesystem::path> shared_folders_;
   std::map<const Manifest*, std::weak_ptr<Library>> open_;

@@ -67,6 +67,11 @@ struct Role {
   std::string measure_metric;  // "rmse", ...; may be empty
   std::string measure_port;
   std::filesystem::path file;  // the role.toml
+  std::string measure_kind;    // "image", "function_image", "decoded"
+  std::string measure_function;
+  std::string measure_note;
+  std::map<std::string, std::string> same_model_params;  // parameters of the reference, as --set takes them
+  std::map<std::string, std::string> physical_params;
 
   [[nodiscard]] const RolePort* find_port(std::string_view port) const;
 };

@@ -1,0 +1,375 @@
+// SPDX-License-Identifier: Apache-2.0
+// A technique -> the rules of plugin.h that it breaks.
+#include "plugin/rules.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include <fmt/format.h>
+
+namespace heddle {
+namespace {
+
+constexpr std::uint32_t kLastCompareOp = VK_COMPARE_OP_ALWAYS;
+
+bool is_image_access(std::uint32_t access) {
+  return access == HEDDLE_ACCESS_SAMPLED || access == HEDDLE_ACCESS_SAMPLED_LINEAR ||
+         access == HEDDLE_ACCESS_SAMPLED_COMPARE || access == HEDDLE_ACCESS_COLOR || access == HEDDLE_ACCESS_DEPTH ||
+         access == HEDDLE_ACCESS_DEPTH_READ;
+}
+
+bool is_storage_access(std::uint32_t access) {
+  return access == HEDDLE_ACCESS_STORAGE_READ || access == HEDDLE_ACCESS_STORAGE_WRITE ||
+         access == HEDDLE_ACCESS_STORAGE_READ_WRITE;
+}
+
+bool is_host_access(std::uint32_t access) {
+  return access == HEDDLE_ACCESS_HOST_READ || access == HEDDLE_ACCESS_HOST_WRITE;
+}
+
+bool is_write(std::uint32_t access) {
+  return access == HEDDLE_ACCESS_STORAGE_WRITE || access == HEDDLE_ACCESS_STORAGE_READ_WRITE ||
+         access == HEDDLE_ACCESS_COLOR || access == HEDDLE_ACCESS_DEPTH || access == HEDDLE_ACCESS_HOST_WRITE ||
+         access == HEDDLE_ACCESS_TRANSFER_WRITE;
+}
+
+bool fits_port(std::uint32_t access, PortType type) {
+  const bool is_transfer = access == HEDDLE_ACCESS_TRANSFER_READ || access == HEDDLE_ACCESS_TRANSFER_WRITE;
+  switch (type) {
+    case PortType::kImage:
+      return is_image_access(access) || is_storage_access(access) || is_host_access(access) || is_transfer;
+    case PortType::kBuffer:
+      return is_storage_access(access) || is_host_access(access) || is_transfer;
+    case PortType::kValue:
+      return access == HEDDLE_ACCESS_VALUE || is_host_access(access);
+    case PortType::kSurfaces:
+      return access == HEDDLE_ACCESS_DRAW || is_host_access(access);
+  }
+  return false;
+}
+
+bool ends_with_stage(std::string_view file, std::string_view ending) {
+  return file.size() > ending.size() && file.ends_with(ending);
+}
+
+// A file of the technique's own folder: nothing that leads out of it.
+bool is_own_file(std::string_view file) {
+  return !file.empty() && file.front() != '/' && file.find("..") == std::string_view::npos;
+}
+
+class Rules {
+ public:
+  Rules(const Technique& technique, const Location& where) : technique_(technique), where_(where) {}
+
+  std::vector<Diagnostic> check() {
+    if (!is_technique_id(technique_.id) || technique_.name() == "none") {
+      complain("id is no technique id", fmt::format("\"{}\"", technique_.id),
+               "\"role/technique\", both names, and the technique's not 'none'");
+    }
+    if (technique_.title.empty()) complain("title is empty");
+    if (technique_.role_revision == 0) complain("role_revision is 0", {}, "the revision in role.toml, from 1");
+    for (const Port& port : technique_.ports) check_port(port);
+    for (const Parameter& parameter : technique_.parameters) check_parameter(parameter);
+    for (const Stage& stage : technique_.stages) check_stage(stage);
+    for (const Shader& shader : technique_.shaders) check_shader(shader);
+    for (const Function& function : technique_.functions) check_function(function);
+    check_outputs();
+    return std::move(broken_);
+  }
+
+ private:
+  void complain(std::string_view message, std::string found = {}, std::string expected = {}) {
+    Diagnostic diagnostic;
+    diagnostic.where = where_;
+    diagnostic.message = fmt::format("technique '{}': {}", technique_.id, message);
+    diagnostic.found = std::move(found);
+    diagnostic.expected = std::move(expected);
+    broken_.push_back(std::move(diagnostic));
+  }
+
+  // Identifiers, unique in their kind.
+  void check_name(std::string_view kind, const std::string& name, std::set<std::string>& taken) {
+    if (!is_identifier(name)) {
+      complain(fmt::format("{} '{}': this is no name", kind, name), {},
+               "letters, digits and single underscores, no digit first, no gl_");
+    }
+    if (!taken.insert(name).second) complain(fmt::format("two of the kind {} are called '{}'", kind, name));
+  }
+
+  void check_flags(std::string_view what, std::uint32_t flags, std::uint32_t known) {
+    if ((flags & ~known) != 0) {
+      complain(fmt::format("{}: unknown flags", what), fmt::format("{:#x}", flags),
+               fmt::format("a combination within {:#x}", known));
+    }
+  }
+
+  // False if an enumeration is out of range, so that nothing else is concluded from it.
+  bool check_choice(std::string_view what, std::string_view field, std::uint32_t value, std::uint32_t last) {
+    if (value <= last) return true;
+    complain(fmt::format("{}: unknown {}", what, field), fmt::format("{}", value), fmt::format("0 to {}", last));
+    return false;
+  }
+
+  void check_port(const Port& port) {
+    check_name("port", port.name, port_names_);
+    const std::string what = fmt::format("port '{}'", port.name);
+    check_flags(what, port.flags, HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE);
+    bool is_known = check_choice(what, "type", static_cast<std::uint32_t>(port.type), HEDDLE_PORT_SURFACES);
+    is_known = check_choice(what, "direction", static_cast<std::uint32_t>(port.direction), HEDDLE_INOUT) && is_known;
+    is_known = check_choice(what, "extent_rule", port.extent_rule, HEDDLE_EXTENT_ABSOLUTE) && is_known;
+    if (!is_known) return;
+    const bool is_image = port.type == PortType::kImage;
+    if (port.is_optional() && port.direction == Direction::kOut) {
+      complain(what + ": an output cannot be HEDDLE_PORT_OPTIONAL");
+    }
+    if (port.is_kept() && port.direction == Direction::kIn) complain(what + ": an input cannot be HEDDLE_PORT_KEPT");
+    if ((port.flags & HEDDLE_PORT_CUBE) != 0 &&
+        (!is_image || (port.direction == Direction::kOut && port.layers % 6 != 0))) {
+      complain(what + ": HEDDLE_PORT_CUBE needs an image with layers in sixes", fmt::format("{} layers", port.layers));
+    }
+    if (port.direction == Direction::kIn && port.format != 0) {
+      complain(what + ": an input cannot choose a format", fmt::format("{}", port.format), "0");
+    }
+    if (!std::isfinite(port.extent_scale) || port.extent_scale <= 0) {
+      complain(what + ": extent_scale is no scale", fmt::format("{}", port.extent_scale), "a number above 0");
+    }
+    if (is_image && port.direction == Direction::kOut && port.extent_rule == HEDDLE_EXTENT_ABSOLUTE &&
+        (port.width == 0 || port.height == 0)) {
+      complain(what + ": HEDDLE_EXTENT_ABSOLUTE without an extent", fmt::format("{} x {}", port.width, port.height),
+               "width and height above 0");
+    }
+    if (port.layers == 0 || port.mips == 0) complain(what + ": no layers or no mips");
+    if (!port.glsl.empty() && port.type != PortType::kBuffer && port.type != PortType::kValue) {
+      complain(what + ": glsl belongs to buffers and values");
+    }
+  }
+
+  // The value of one component: of the type, and within the bounds.
+  void check_value(const Parameter& parameter, const std::string& what, std::string_view field, double value) {
+    if (!std::isfinite(value)) {
+      complain(fmt::format("{}: {} is not finite", what, field), fmt::format("{}", value));
+      return;
+    }
+    double low = parameter.minimum;
+    double high = parameter.maximum;
+    bool is_integer = parameter.type == ParameterType::kInt;
+    if (parameter.type == ParameterType::kBool || parameter.type == ParameterType::kChoice) {
+      low = 0;
+      high = parameter.type == ParameterType::kBool ? 1 : static_cast<double>(parameter.choices.size()) - 1;
+      is_integer = true;
+    } else if (low == high) {
+      low = -std::numeric_limits<double>::infinity();
+      high = std::numeric_limits<double>::infinity();
+    }
+    if (is_integer && value != std::floor(value)) {
+      complain(fmt::format("{}: {} is no integer", what, field), fmt::format("{}", value));
+    } else if (value < low || value > high) {
+      complain(fmt::format("{}: {} is out of range", what, field), fmt::format("{}", value),
+               fmt::format("{} to {}", low, high));
+    }
+  }
+
+  void check_parameter(const Parameter& parameter) {
+    check_name("parameter", parameter.name, parameter_names_);
+    const std::string what = fmt::format("parameter '{}'", parameter.name);
+    check_flags(what, parameter.flags, HEDDLE_PARAMETER_KNOB | HEDDLE_PARAMETER_REDECLARE | HEDDLE_PARAMETER_CONSTANT);
+    if (!check_choice(what, "type", static_cast<std::uint32_t>(parameter.type), HEDDLE_TYPE_NAMES)) return;
+    if (std::isnan(parameter.minimum) || std::isnan(parameter.maximum) || parameter.minimum > parameter.maximum) {
+      complain(what + ": the range is empty", fmt::format("{} to {}", parameter.minimum, parameter.maximum),
+               "minimum <= maximum; equal: unbounded");
+    }
+    const bool is_choice = parameter.type == ParameterType::kChoice;
+    if (is_choice == parameter.choices.empty()) {
+      complain(what + (is_choice ? ": a choice without choices" : ": choices belong to HEDDLE_TYPE_CHOICE"));
+    }
+    std::set<std::string> names;
+    for (const std::string& choice : parameter.choices) {
+      if (choice.empty() || !names.insert(choice).second) {
+        complain(what + ": a choice is empty or stands twice", fmt::format("\"{}\"", choice));
+      }
+    }
+    for (std::uint32_t i = 0; i < parameter.components(); ++i) {
+      check_value(parameter, what, "default_value", parameter.default_value[i]);
+    }
+    const bool is_scalar = parameter.components() == 1;
+    if (parameter.is_knob() && (!is_scalar || parameter.ladder.size() < 2)) {
+      complain(what + ": a knob needs one component and a ladder of two values or more",
+               fmt::format("{} components, {} values", parameter.components(), parameter.ladder.size()));
+    }
+    if (!parameter.is_knob() && !parameter.ladder.empty()) {
+      complain(what + ": a ladder belongs to HEDDLE_PARAMETER_KNOB");
+    }
+    if ((parameter.flags & HEDDLE_PARAMETER_CONSTANT) != 0 && !is_scalar) {
+      complain(what + ": HEDDLE_PARAMETER_CONSTANT needs one component");
+    }
+    for (const double step : parameter.ladder) check_value(parameter, what, "ladder", step);
+  }
+
+  void check_accesses(const std::string& what, const std::vector<Access>& accesses) {
+    std::set<std::pair<std::string, std::uint32_t>> taken;
+    for (const Access& access : accesses) {
+      const std::string place = fmt::format("{}: access to '{}'", what, access.port);
+      const Port* port = technique_.find_port(access.port);
+      if (port == nullptr) {
+        std::vector<std::string> ports;
+        for (const Port& candidate : technique_.ports) ports.push_back(candidate.name);
+        complain(place + ": there is no such port", {}, "one of " + join_names(ports));
+        continue;
+      }
+      bool is_known = check_choice(place, "access", access.access, HEDDLE_ACCESS_SAMPLED_COMPARE);
+      is_known = check_choice(place, "load", access.load, HEDDLE_LOAD_DONT_CARE) && is_known;
+      if (!is_known) continue;
+      if (!fits_port(access.access, port->type)) {
+        complain(place + ": the access does not fit the port's type", fmt::format("HEDDLE_ACCESS {}", access.access));
+      }
+      if (is_write(access.access) && port->direction == Direction::kIn) complain(place + ": an input is written");
+      if (!taken.emplace(access.port, access.access).second) complain(place + ": stands twice");
+      for (const float clear : access.clear) {
+        if (std::isnan(clear)) complain(place + ": clear is NaN");
+      }
+      used_ports_.insert(access.port);
+    }
+  }
+
+  void check_stage(const Stage& stage) {
+    check_name("stage", stage.name, stage_names_);
+    const std::string what = fmt::format("stage '{}'", stage.name);
+    if (!check_choice(what, "kind", static_cast<std::uint32_t>(stage.kind), HEDDLE_STAGE_CPU)) return;
+    check_accesses(what, stage.accesses);
+    for (const Access& access : stage.accesses) {
+      const bool is_host = is_host_access(access.access);
+      const bool is_right = stage.kind == StageKind::kCpu ? is_host || access.access == HEDDLE_ACCESS_VALUE : !is_host;
+      if (access.access <= HEDDLE_ACCESS_SAMPLED_COMPARE && !is_right) {
+        complain(fmt::format("{}: access to '{}' is not of its kind", what, access.port),
+                 fmt::format("HEDDLE_ACCESS {}", access.access),
+                 stage.kind == StageKind::kCpu ? "HOST_READ, HOST_WRITE or VALUE in a cpu stage"
+                                               : "no HOST_READ and no HOST_WRITE in a gpu stage");
+      }
+    }
+  }
+
+  void check_calls(const std::string& what, const std::vector<std::string>& calls) {
+    std::set<std::string> taken;
+    for (const std::string& role : calls) {
+      if (!is_identifier(role) || !taken.insert(role).second) {
+        complain(what + ": calls holds no role, or one twice", fmt::format("\"{}\"", role));
+      }
+    }
+  }
+
+  void check_shader(const Shader& shader) {
+    check_name("shader", shader.name, shader_names_);
+    const std::string what = fmt::format("shader '{}'", shader.name);
+    const Stage* stage = technique_.find_stage(shader.stage);
+    if (stage == nullptr || stage->kind != StageKind::kGpu) {
+      std::vector<std::string> stages;
+      for (const Stage& candidate : technique_.stages) {
+        if (candidate.kind == StageKind::kGpu) stages.push_back(candidate.name);
+      }
+      complain(what + ": there is no such gpu stage", fmt::format("\"{}\"", shader.stage),
+               "one of " + join_names(stages));
+    }
+    check_calls(what, shader.calls);
+    check_choice(what, "depth_compare", shader.depth_compare, kLastCompareOp);
+    if (!std::isfinite(shader.depth_bias_constant) || !std::isfinite(shader.depth_bias_slope)) {
+      complain(what + ": a depth bias is not finite");
+    }
+    if (!check_choice(what, "kind", static_cast<std::uint32_t>(shader.kind), HEDDLE_SHADER_SURFACES)) return;
+    const bool is_depth_only = shader.kind == ShaderKind::kSurfaces && shader.file.empty();
+    const std::string_view ending = shader.kind == ShaderKind::kCompute ? ".comp.glsl" : ".frag.glsl";
+    if (!is_depth_only && (!ends_with_stage(shader.file, ending) || !is_own_file(shader.file))) {
+      complain(what + ": file is no shader of its kind", fmt::format("\"{}\"", shader.file),
+               fmt::format("<what>{} in the technique's folder", ending));
+    }
+  }
+
+  void check_function(const Function& function) {
+    check_name("function", function.role, function_roles_);
+    const std::string what = fmt::format("function '{}'", function.role);
+    if (!ends_with_stage(function.file, ".glsl") || !is_own_file(function.file)) {
+      complain(what + ": file is no shader text", fmt::format("\"{}\"", function.file),
+               "<what>.glsl in the technique's folder");
+    }
+    check_accesses(what, function.accesses);
+    for (const Access& access : function.accesses) {
+      const bool is_sampled = access.access == HEDDLE_ACCESS_SAMPLED || access.access == HEDDLE_ACCESS_SAMPLED_LINEAR ||
+                              access.access == HEDDLE_ACCESS_SAMPLED_COMPARE;
+      if (!is_sampled && !is_storage_access(access.access) && access.access != HEDDLE_ACCESS_VALUE) {
+        complain(fmt::format("{}: access to '{}' is not for functions", what, access.port),
+                 fmt::format("HEDDLE_ACCESS {}", access.access), "SAMPLED*, STORAGE_* or VALUE");
+      }
+    }
+    check_calls(what, function.calls);
+  }
+
+  // What nobody writes would be handed on as garbage.
+  void check_outputs() {
+    for (const Port& port : technique_.ports) {
+      if (port.direction != Direction::kIn && used_ports_.count(port.name) == 0) {
+        complain(fmt::format("port '{}': no stage and no function touches this output", port.name));
+      }
+    }
+  }
+
+  const Technique& technique_;
+  const Location& where_;
+  std::vector<Diagnostic> broken_;
+  std::set<std::string> port_names_, parameter_names_, stage_names_, shader_names_, function_roles_, used_ports_;
+};
+
+template <typename T>
+const T* find_named(const std::vector<T>& things, std::string_view name) {
+  const auto found = std::find_if(things.begin(), things.end(), [&](const T& thing) { return thing.name == name; });
+  return found == things.end() ? nullptr : &*found;
+}
+
+}  // namespace
+
+bool is_identifier(std::string_view name) {
+  if (name.empty() || (name.front() >= '0' && name.front() <= '9') || name.starts_with("gl_")) return false;
+  if (name.find("__") != std::string_view::npos) return false;  // reserved in GLSL
+  return std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+  });
+}
+
+bool is_technique_id(std::string_view id) {
+  const std::size_t slash = id.find('/');
+  return slash != std::string_view::npos && is_identifier(id.substr(0, slash)) && is_identifier(id.substr(slash + 1));
+}
+
+std::vector<std::string> split_words(std::string_view text) {
+  std::vector<std::string> words;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find(' '), text.size());
+    if (end != 0) words.emplace_back(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return words;
+}
+
+std::vector<Diagnostic> broken_rules(const Technique& technique, const Location& where) {
+  return Rules(technique, where).check();
+}
+
+const Port* Technique::find_port(std::string_view port) const {
+  return find_named(ports, port);
+}
+const Parameter* Technique::find_parameter(std::string_view parameter) const {
+  return find_named(parameters, parameter);
+}
+const Stage* Technique::find_stage(std::string_view stage) const {
+  return find_named(stages, stage);
+}
+const Shader* Technique::find_shader(std::string_view shader) const {
+  return find_named(shaders, shader);
+}
+const Function* Technique::find_function(std::string_view role) const {
+  const auto found =
+      std::find_if(functions.begin(), functions.end(), [&](const Function& f) { return f.role == role; });
+  return found == functions.end() ? nullptr : &*found;
+}
+
+}  // namespace heddle
