@@ -156,12 +156,17 @@ void run_in_python(int argc, char** argv) {
   std::string path = (prefix / "lib" / "heddle" / "python").string();
   if (const char* present = std::getenv("PYTHONPATH"); present != nullptr) path += std::string(":") + present;
   setenv("PYTHONPATH", path.c_str(), 1);
-  std::vector<std::string> words{"python3", "-m", "heddle"};
+  // A distribution's Python has the distribution's numpy; another python3 may come before it in PATH.
+  const char* chosen = std::getenv("HEDDLE_PYTHON");
+  const std::string python = chosen != nullptr                       ? chosen
+                             : access("/usr/bin/python3", X_OK) == 0 ? "/usr/bin/python3"
+                                                                     : "python3";
+  std::vector<std::string> words{python, "-m", "heddle"};
   for (int i = 1; i < argc; ++i) words.emplace_back(argv[i]);
   std::vector<char*> arguments;
   for (std::string& word : words) arguments.push_back(word.data());
   arguments.push_back(nullptr);
-  execvp("python3", arguments.data());
+  execvp(python.c_str(), arguments.data());
   throw Failure{HEDDLE_FAILED,
                 "error: the scene is a Python file, and python3 could not be started\n  help: install the "
                 "packages python3 and python3-numpy"};

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`python3 -m heddle run|compare [GRAPH] SCENE ...`: the command's rendering for scenes written in Python.
+
+A scene file defines `build(scene)`, called with an empty heddle.Scene.
+"""
+
+import argparse
+import importlib.util
+import pathlib
+import statistics
+import sys
+
+from . import Error, Host, Scene, version
+
+
+def load_scene(scene: Scene, file: str) -> None:
+    """Runs build(scene) of a Python file, or loads a glTF file."""
+    if not file.endswith(".py"):
+        scene.load(file)
+        return
+    path = pathlib.Path(file)
+    shipped = pathlib.Path(__file__).resolve().parents[1] / "scenes" / path.name
+    if not path.exists() and shipped.exists():
+        path = shipped
+    if not path.exists():
+        raise Error(2, f"error: there is no scene '{file}'\n  help: scenes that come with Heddle lie in scripts/scenes")
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    if not hasattr(module, "build"):
+        raise Error(2, f"{path}: error: the scene has no function build(scene)")
+    module.build(scene)
+
+
+def sort_files(files: list[str], scene: str | None) -> tuple[str, str | None]:
+    graph = None
+    for file in files:
+        if file.endswith((".py", ".glb", ".gltf")):
+            if scene is not None:
+                raise Error(2, f"error: two scenes were given: '{scene}' and '{file}'")
+            scene = file
+        elif graph is not None:
+            raise Error(2, f"error: two graphs were given: '{graph}' and '{file}'")
+        else:
+            graph = file
+    return graph or "deferred", scene
+
+
+def use_camera(scene: Scene, wanted: str | None) -> None:
+    if wanted is None:
+        return
+    names = scene.describe().get("cameras", [])
+    if wanted in names:
+        scene.use_camera(names.index(wanted))
+    elif wanted.isdigit() and int(wanted) < len(names):
+        scene.use_camera(int(wanted))
+    else:
+        raise Error(2, f"error: the scene has no camera '{wanted}'\n  expected: one of {', '.join(names)}")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    with Host(arguments.device, arguments.validation) as host:
+        with host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
+            outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or ["heddle.png"]]
+            for port, _ in outputs:
+                if port is not None:
+                    graph.keep(port)
+            if scene_file is not None:
+                load_scene(scene, scene_file)
+            use_camera(scene, arguments.camera)
+            for frame in range(arguments.frames):
+                graph.render(scene, time=arguments.time, seed=arguments.seed,
+                             profile=arguments.profile and frame + 1 == arguments.frames)
+            stats = graph.stats()
+            for port, file in outputs:
+                pathlib.Path(file).parent.mkdir(parents=True, exist_ok=True)
+                host.write_image(file, graph.read(port))
+                say(arguments, f"wrote {file}")
+            if arguments.profile:
+                for stage in stats["stages"]:
+                    print(f"{stage['pass']:<16} {stage['stage']:<16} {stage['wall_ms']:10.3f} ms wall "
+                          f"{stage['cpu_ms']:10.3f} ms CPU")
+            say(arguments, f"frame {arguments.frames} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms")
+    return 0
+
+
+def compare(arguments: argparse.Namespace) -> int:
+    graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    pass_name, techniques = (arguments.swap.split("=", 1) + [""])[:2]
+    names = techniques.split(",")
+    if len(names) != 2:
+        raise Error(2, f"error: --swap '{arguments.swap}' is not PASS=A,B\n  help:     --swap ao=gtao,ray_traced")
+    folder = pathlib.Path(arguments.folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    with Host(arguments.device, arguments.validation) as host, host.scene() as scene:
+        if scene_file is not None:
+            load_scene(scene, scene_file)
+        use_camera(scene, arguments.camera)
+        graphs = [host.graph(graph_file, [*arguments.set, f"{pass_name}.technique={name}"]) for name in names]
+        try:
+            times: list[list[float]] = [[], []]
+            say(arguments, f"rendering {names[0]} and {names[1]}")
+            for graph in graphs:
+                if arguments.port:
+                    graph.keep(arguments.port)
+                graph.render(scene, time=arguments.time, seed=arguments.seed)  # compiles: not timed
+            for repeat in range(arguments.repeats):
+                for index in ((0, 1) if repeat % 2 == 0 else (1, 0)):
+                    graphs[index].render(scene, time=arguments.time, seed=arguments.seed)
+                    times[index].append(graphs[index].stats()["submit_ms"])
+            images = [graph.read(arguments.port) for graph in graphs]
+            for name, graph, image in zip(names, graphs, images):
+                host.write_image(folder / f"{pass_name}_{name}.png", graph.read())
+                print(f"wrote {folder / f'{pass_name}_{name}.png'}")
+                if arguments.port:
+                    host.write_image(folder / f"{pass_name}_{name}_port.png", image)
+                    print(f"wrote {folder / f'{pass_name}_{name}_port.png'}")
+            difference = folder / f"{pass_name}_difference.png"
+            metrics = host.compare(images[0], images[1], difference)
+            print(f"wrote {difference}")
+            print(f"{arguments.port or 'output'}: {names[0]} against {names[1]}")
+            for key, formula in METRICS.items():
+                value = metrics[key]
+                print(f"  {key:<16} {value if isinstance(value, str) else format(value, '.6g'):>12}   {formula}")
+            print(f"median frame time of {arguments.repeats} interleaved frames each:")
+            for name, values in zip(names, times):
+                print(f"  {name:<16} {statistics.median(values):10.2f} ms   ({min(values):.2f} to {max(values):.2f})")
+        finally:
+            for graph in graphs:
+                graph.close()
+    return 0
+
+
+METRICS = {
+    "rmse": "sqrt(mean (a-b)^2)", "mse": "mean (a-b)^2", "relmse": "mean (a-b)^2 / (b^2 + 0.01)",
+    "psnr": "10 log10(1 / mse), dB", "mean_difference": "mean (a-b)", "maximum": "max |a-b|",
+    "percentile_99": "99th percentile of |a-b|",
+}
+
+
+def say(arguments: argparse.Namespace, text: str) -> None:
+    if not arguments.quiet:
+        print(text, file=sys.stderr)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(prog="heddle", description=__doc__.splitlines()[0])
+    parser.add_argument("--version", action="version", version=f"heddle {version()}")
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name, body, text in (("run", run, "render a scene through a graph and write images"),
+                             ("compare", compare, "compare two techniques of one pass on a scene")):
+        command = commands.add_parser(name, help=text)
+        command.set_defaults(body=body)
+        command.add_argument("files", nargs="*", help="a graph and a scene (.py, .glb, .gltf), in any order")
+        command.add_argument("--scene")
+        command.add_argument("--camera", help="name or number of a camera")
+        command.add_argument("--set", action="append", default=[], help="change the graph: ao.technique=gtao")
+        command.add_argument("--device", help="part of a device's name, or its index")
+        command.add_argument("--validation", action="store_true")
+        command.add_argument("--time", type=float, default=0.0)
+        command.add_argument("--seed", type=int, default=0)
+        command.add_argument("--quiet", "-q", action="store_true")
+        if name == "run":
+            command.add_argument("--output", "-o", action="append", help="FILE, or PASS.PORT=FILE (default: heddle.png)")
+            command.add_argument("--frames", type=int, default=1)
+            command.add_argument("--profile", action="store_true")
+        else:
+            command.add_argument("--swap", required=True, help="PASS=A,B; B is the reference")
+            command.add_argument("--port", help="compare this port, PASS.PORT, not the output")
+            command.add_argument("--folder", default="out")
+            command.add_argument("--repeats", type=int, default=3)
+    arguments = parser.parse_args()
+    try:
+        return arguments.body(arguments)
+    except Error as error:
+        print(error, file=sys.stderr)
+        return error.status
+
+
+if __name__ == "__main__":
+    sys.exit(main())

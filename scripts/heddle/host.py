@@ -1,0 +1,392 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Hosts, scenes and graphs as Python objects over the C API."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import pathlib
+import sys
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from . import _library as c
+
+_heddle = c.load()
+
+LIGHT_TYPES = ("directional", "point", "spot", "sphere", "capsule", "cone", "wedge", "box", "rectangle", "environment")
+ALPHA_MODES = ("opaque", "mask", "blend")
+WRAPS = ("repeat", "mirror", "clamp")
+
+
+class Error(RuntimeError):
+    """A call failed. `status` is the heddle_status (2 bad input, 3 unsupported, 4 failed, 5 bug)."""
+
+    def __init__(self, status: int, message: str):
+        super().__init__(message)
+        self.status = status
+
+
+def version() -> str:
+    """Version of the library, "0.1.0"."""
+    return _heddle.heddle_version().decode()
+
+
+def _encode(text: str | None) -> bytes | None:
+    return None if text is None else text.encode()
+
+
+def _floats(values: ArrayLike | None, columns: int, what: str) -> NDArray[np.float32] | None:
+    if values is None:
+        return None
+    array = np.ascontiguousarray(values, dtype=np.float32)
+    if array.ndim != 2 or array.shape[1] != columns:
+        raise Error(2, f"error: {what} has shape {array.shape}: expected (n, {columns})")
+    return array
+
+
+def _pointer(array: NDArray | None, kind):
+    return None if array is None else array.ctypes.data_as(ctypes.POINTER(kind))
+
+
+def _choice(value: str, names: Sequence[str], what: str) -> int:
+    if value not in names:
+        raise Error(2, f"error: unknown {what} '{value}'\n  expected: one of {', '.join(names)}")
+    return names.index(value)
+
+
+class _Object:
+    """An object of the C API; destroyed by close(), `with`, or with the Python object."""
+
+    _destroy: Callable
+
+    def __init__(self, handle: ctypes.c_void_p, host: Host | None):
+        self._handle = handle
+        self._host = host  # keeps the host alive while this lives
+
+    def close(self) -> None:
+        """Destroys the object; a second call does nothing."""
+        if self._handle:
+            type(self)._destroy(self._handle)
+            self._handle = ctypes.c_void_p()
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def __del__(self):
+        if getattr(self, "_handle", None):
+            self.close()
+
+    def _check(self, status: int) -> None:
+        if status:
+            host = self._host._handle if self._host is not None else self._handle
+            raise Error(status, _heddle.heddle_error(host).decode())
+
+
+class Host(_Object):
+    """Roles, techniques and a device. Opens no plugin and no device before the first frame.
+
+    device:      part of a device's name or its index; None: lavapipe, else the first usable
+    validation:  run with Vulkan's validation layer; what it finds raises Error
+    plugin_path: folders separated by ':'; None: the library's own
+    log:         called with (severity 0 error, 1 warning, 2 information; text); None: warnings go to stderr
+    raises:      Error
+    """
+
+    _destroy = _heddle.heddle_destroy
+
+    def __init__(self, device: str | None = None, validation: bool = False, plugin_path: str | None = None,
+                 log: Callable[[int, str], None] | None = None):
+        say = log if log is not None else _log_to_stderr
+        self._log = c.LogFunction(lambda _user, severity, text: say(severity, text.decode()))
+        options = c.HostOptions(ctypes.sizeof(c.HostOptions), c.HOST_VALIDATION if validation else 0, _encode(device),
+                                _encode(plugin_path), None, self._log, None)
+        handle = ctypes.c_void_p()
+        status = _heddle.heddle_create(ctypes.byref(options), ctypes.byref(handle))
+        if status:
+            raise Error(status, _heddle.heddle_error(None).decode())
+        super().__init__(handle, None)
+
+    def _text(self, function) -> str:
+        text = ctypes.c_char_p()
+        self._check(function(self._handle, ctypes.byref(text)))
+        return text.value.decode()
+
+    def list(self) -> dict:
+        """Roles and techniques, from manifests alone."""
+        return json.loads(self._text(_heddle.heddle_list))
+
+    def devices(self) -> list[dict]:
+        """Vulkan devices of this machine."""
+        return json.loads(self._text(_heddle.heddle_devices))["devices"]
+
+    def doctor(self) -> dict:
+        """What this machine lacks, and what each technique does here."""
+        return json.loads(self._text(_heddle.heddle_doctor))
+
+    def scene(self) -> Scene:
+        """An empty scene."""
+        handle = ctypes.c_void_p()
+        self._check(_heddle.heddle_scene_create(self._handle, ctypes.byref(handle)))
+        return Scene(handle, self)
+
+    def graph(self, file: str | pathlib.Path = "deferred", settings: Sequence[str] = ()) -> Graph:
+        """A graph from a TOML file, or a shipped one by name; settings as "ao.technique=gtao"."""
+        path = pathlib.Path(file)
+        if not path.exists():
+            name = path.name if path.suffix == ".toml" else path.name + ".toml"
+            for folder in (c.find().parent / "heddle" / "graphs", pathlib.Path(__file__).parents[1] / "graphs"):
+                if (folder / name).exists():
+                    path = folder / name
+                    break
+        texts = (ctypes.c_char_p * max(len(settings), 1))(*[setting.encode() for setting in settings])
+        handle = ctypes.c_void_p()
+        self._check(_heddle.heddle_graph_load(self._handle, str(path).encode(), texts, len(settings),
+                                              ctypes.byref(handle)))
+        return Graph(handle, self)
+
+    def read_image(self, file: str | pathlib.Path) -> NDArray[np.float32]:
+        """float32 (height, width, channels); values of 8-bit files are 0..1 as stored."""
+        image = c.Image(ctypes.sizeof(c.Image))
+        self._check(_heddle.heddle_image_read(self._handle, str(file).encode(), ctypes.byref(image)))
+        return _to_array(image)
+
+    def write_image(self, file: str | pathlib.Path, pixels: ArrayLike) -> None:
+        """pixels: (height, width, channels) or (height, width); 8-bit formats clamp to 0..1 and round."""
+        image, _keep = _to_image(pixels)
+        self._check(_heddle.heddle_image_write(self._handle, str(file).encode(), ctypes.byref(image)))
+
+    def compare(self, pixels: ArrayLike, reference: ArrayLike, difference: str | pathlib.Path | None = None) -> dict:
+        """Metrics of pixels against a reference of the same shape (rmse, mse, relmse, psnr, mean_difference, maximum,
+        percentile_99, ...; formulas in host/compare/metrics.hpp). difference: file for |pixels - reference|.
+
+        raises: Error if shapes differ or a value is not finite (names the first such pixel)
+        """
+        a, _keep_a = _to_image(pixels)
+        b, _keep_b = _to_image(reference)
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_image_compare(self._handle, ctypes.byref(a), ctypes.byref(b),
+                                                 _encode(None if difference is None else str(difference)),
+                                                 ctypes.byref(text)))
+        return json.loads(text.value.decode())
+
+
+class Scene(_Object):
+    """What is rendered. Everything added gets an id, counted from 0 by kind."""
+
+    _destroy = _heddle.heddle_scene_destroy
+
+    def load(self, file: str | pathlib.Path) -> None:
+        """Adds a glTF 2.0 file (.gltf, .glb), all of it or nothing."""
+        self._check(_heddle.heddle_scene_load(self._handle, str(file).encode()))
+
+    def texture(self, pixels: ArrayLike, srgb: bool = True, wrap: str = "repeat", name: str | None = None) -> int:
+        """pixels: uint8 (height, width, 4), top row first. wrap: repeat, mirror or clamp. Returns the id."""
+        array = np.ascontiguousarray(pixels, dtype=np.uint8)
+        if array.ndim != 3 or array.shape[2] != 4:
+            raise Error(2, f"error: a texture has shape {array.shape}: expected (height, width, 4)")
+        side = _choice(wrap, WRAPS, "wrap")
+        record = c.Texture(ctypes.sizeof(c.Texture), array.shape[1], array.shape[0], int(srgb), side, side, 0,
+                           _pointer(array, ctypes.c_uint8))
+        return self._add(_heddle.heddle_scene_add_texture, name, ctypes.byref(record))
+
+    def material(self, name: str | None = None, base_color: Sequence[float] = (0.8, 0.8, 0.8, 1.0),
+                 metalness: float = 0.0, roughness: float = 0.5, emissive: Sequence[float] = (0, 0, 0),
+                 alpha_mode: str = "opaque", alpha_cutoff: float = 0.5, double_sided: bool = False, unlit: bool = False,
+                 ior: float = 1.5, normal_scale: float = 1.0, occlusion_strength: float = 1.0,
+                 base_color_texture: int | None = None, metallic_roughness_texture: int | None = None,
+                 normal_texture: int | None = None, occlusion_texture: int | None = None,
+                 emissive_texture: int | None = None) -> int:
+        """glTF's metallic-roughness model. Colours linear Rec.709, emissive in cd/m^2. Returns the id."""
+        record = c.Material()
+        color = tuple(base_color) + (1.0,) * (4 - len(base_color))
+        record.base_color[:] = color
+        record.emissive[:] = tuple(emissive)
+        record.alpha_cutoff = alpha_cutoff
+        record.metalness = metalness
+        record.roughness = roughness
+        record.normal_scale = normal_scale
+        record.occlusion_strength = occlusion_strength
+        record.alpha_mode = _choice(alpha_mode, ALPHA_MODES, "alpha_mode")
+        record.flags = (1 if double_sided else 0) | (2 if unlit else 0)
+        record.ior = ior
+        record.uv_rotation_scale[:] = (1, 0, 0, 1)
+        textures = (base_color_texture, metallic_roughness_texture, normal_texture, occlusion_texture, emissive_texture)
+        ids = (ctypes.c_uint32 * c.TEXTURE_COUNT)(*[c.NONE if t is None else t for t in textures])
+        material = c.SceneMaterial(ctypes.sizeof(c.SceneMaterial), ids, record)
+        return self._add(_heddle.heddle_scene_add_material, name, ctypes.byref(material))
+
+    def mesh(self, positions: ArrayLike, material: int, indices: ArrayLike | None = None,
+             normals: ArrayLike | None = None, tangents: ArrayLike | None = None, uv0: ArrayLike | None = None,
+             uv1: ArrayLike | None = None, colors: ArrayLike | None = None, name: str | None = None) -> int:
+        """positions (n, 3) metres; indices (m, 3) or (3m,); normals (n, 3); tangents (n, 4); uv0, uv1 (n, 2);
+        colors (n, 4) linear. Normals and tangents are made where missing. Returns the id."""
+        arrays = {
+            "positions": _floats(positions, 3, "positions"), "normals": _floats(normals, 3, "normals"),
+            "tangents": _floats(tangents, 4, "tangents"), "uv0": _floats(uv0, 2, "uv0"), "uv1": _floats(uv1, 2, "uv1"),
+            "colors": _floats(colors, 4, "colors"),
+        }
+        count = len(arrays["positions"])
+        for what, array in arrays.items():
+            if array is not None and len(array) != count:
+                raise Error(2, f"error: {what} has {len(array)} rows: expected {count}, as positions")
+        index = None if indices is None else np.ascontiguousarray(indices, dtype=np.uint32).reshape(-1)
+        record = c.Mesh(ctypes.sizeof(c.Mesh), count, 0 if index is None else len(index), 0,
+                        *[_pointer(array, ctypes.c_float) for array in arrays.values()],
+                        _pointer(index, ctypes.c_uint32))
+        return self._add(_heddle.heddle_scene_add_mesh, name, ctypes.byref(record), ctypes.c_uint32(material))
+
+    def instance(self, mesh: int, transform: ArrayLike | None = None, name: str | None = None) -> int:
+        """A mesh placed by a 4x4 matrix (rows and columns as written in mathematics, float64). Returns the id."""
+        return self._add(_heddle.heddle_scene_add_instance, name, ctypes.c_uint32(mesh), _matrix(transform))
+
+    def move(self, instance: int, transform: ArrayLike) -> None:
+        """Places an instance anew; where it was counts as the last frame's place."""
+        self._check(_heddle.heddle_scene_set_instance(self._handle, instance, _matrix(transform)))
+
+    def light(self, type: str, intensity: Sequence[float], position: Sequence[float] = (0, 0, 0),
+              direction: Sequence[float] = (0, -1, 0), range: float = 0.0, inner_angle: float = 0.0,
+              outer_angle: float = np.pi / 4, radius: float = 0.0, tangent: Sequence[float] = (1, 0, 0),
+              segment_length: float = 0.0, half_extent: Sequence[float] = (0, 0, 0), casts_shadow: bool = True,
+              name: str | None = None) -> int:
+        """One of directional (lux), point, spot, capsule, cone, wedge (candela), box (lux), sphere, rectangle (cd/m^2),
+        environment. Linear Rec.709; metres; angles in radians from the axis; records.h says the rest. Returns the id."""
+        record = c.Light()
+        record.type = _choice(type, LIGHT_TYPES, "light type")
+        record.intensity[:] = tuple(intensity)
+        unit = np.asarray(direction, dtype=np.float64)
+        record.direction[:] = tuple(unit / np.linalg.norm(unit))
+        record.range = range
+        record.radius = radius
+        record.tangent[:] = tuple(tangent)
+        record.segment_length = segment_length
+        record.half_extent[:] = tuple(half_extent)
+        record.flags = 1 if casts_shadow else 0
+        record.cos_inner = np.cos(inner_angle)
+        record.cos_outer = np.cos(outer_angle)
+        light = c.SceneLight(ctypes.sizeof(c.SceneLight), 0, (ctypes.c_double * 3)(*position), record)
+        return self._add(_heddle.heddle_scene_add_light, name, ctypes.byref(light))
+
+    def camera(self, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
+               up: Sequence[float] = (0, 1, 0), near: float = 0.05, use: bool = True, name: str | None = None) -> int:
+        """A perspective camera that looks at a point. vertical_angle in radians. Returns the id."""
+        camera = c.Camera(ctypes.sizeof(c.Camera), 0, (ctypes.c_double * 3)(*position),
+                          (ctypes.c_double * 4)(*_look_rotation(position, target, up)), vertical_angle, 0.0, near, 0.0)
+        index = self._add(_heddle.heddle_scene_add_camera, name, ctypes.byref(camera))
+        if use:
+            self.use_camera(index)
+        return index
+
+    def use_camera(self, index: int | None) -> None:
+        """Which camera renders; None: one made to see the whole scene."""
+        self._check(_heddle.heddle_scene_use_camera(self._handle, c.NONE if index is None else index))
+
+    def describe(self) -> dict:
+        """Counts, bounds, names and features."""
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_scene_describe(self._handle, ctypes.byref(text)))
+        return json.loads(text.value.decode())
+
+    def _add(self, function, name: str | None, *arguments) -> int:
+        index = ctypes.c_uint32()
+        self._check(function(self._handle, _encode(name), *arguments, ctypes.byref(index)))
+        return index.value
+
+
+class Graph(_Object):
+    """A frame graph that renders scenes."""
+
+    _destroy = _heddle.heddle_graph_destroy
+
+    def keep(self, port: str) -> None:
+        """Keeps a port, "ao.visibility", readable after the frames to come."""
+        self._check(_heddle.heddle_graph_keep(self._handle, port.encode()))
+
+    def set(self, setting: str) -> None:
+        """Changes a parameter or technique between frames: "ao.params.radius=1.5", "ao.technique=none"."""
+        self._check(_heddle.heddle_graph_set(self._handle, setting.encode()))
+
+    def render(self, scene: Scene, time: float = 0.0, time_step: float = 0.0, seed: int = 0, cut: bool = False,
+               profile: bool = False) -> None:
+        """Renders one frame and waits for it. time in seconds. profile: stage by stage, timed one by one."""
+        options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), c.RENDER_PROFILE if profile else 0, time, time_step,
+                                  seed, int(cut), 0)
+        self._check(_heddle.heddle_render(self._handle, scene._handle, ctypes.byref(options)))
+
+    def read(self, port: str | None = None, layer: int = 0, mip: int = 0) -> NDArray[np.float32]:
+        """float32 (height, width, channels) of a kept port, or of the graph's output (None)."""
+        image = c.Image(ctypes.sizeof(c.Image))
+        self._check(_heddle.heddle_read(self._handle, _encode(port), layer, mip, ctypes.byref(image)))
+        return _to_array(image)
+
+    def stats(self) -> dict:
+        """Of the last frame: times in ms, counters, memory in bytes, libraries."""
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_stats(self._handle, ctypes.byref(text)))
+        return json.loads(text.value.decode())
+
+    def explain(self, format: str = "text") -> str:
+        """What was decided and why: text, json or dot."""
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_graph_explain(self._handle, format.encode(), ctypes.byref(text)))
+        return text.value.decode()
+
+
+def _log_to_stderr(severity: int, text: str) -> None:
+    if severity < 2:
+        print(text, file=sys.stderr)
+
+
+def _to_array(image: c.Image) -> NDArray[np.float32]:
+    # One copy: the C side reuses its memory at the next call.
+    return np.ctypeslib.as_array(image.pixels, (image.height, image.width, image.channels)).copy()
+
+
+def _to_image(pixels: ArrayLike) -> tuple[c.Image, NDArray[np.float32]]:
+    array = np.ascontiguousarray(pixels, dtype=np.float32)
+    if array.ndim == 2:
+        array = array[:, :, None]
+    if array.ndim != 3:
+        raise Error(2, f"error: an image has shape {array.shape}: expected (height, width, channels)")
+    height, width, channels = array.shape
+    return c.Image(ctypes.sizeof(c.Image), width, height, channels, _pointer(array, ctypes.c_float)), array
+
+
+def _matrix(transform: ArrayLike | None):
+    matrix = np.eye(4) if transform is None else np.asarray(transform, dtype=np.float64)
+    if matrix.shape != (4, 4):
+        raise Error(2, f"error: a transform has shape {matrix.shape}: expected (4, 4)")
+    return (ctypes.c_double * 16)(*matrix.T.reshape(-1))  # C wants columns
+
+
+def _look_rotation(position, target, up) -> tuple[float, float, float, float]:
+    """Quaternion x y z w of a view along -Z from position to target."""
+    back = np.asarray(position, dtype=np.float64) - np.asarray(target, dtype=np.float64)
+    length = np.linalg.norm(back)
+    if length == 0:
+        raise Error(2, "error: a camera's target is its position")
+    back /= length
+    right = np.cross(np.asarray(up, dtype=np.float64), back)
+    if np.linalg.norm(right) < 1e-9:  # straight up or down: any right will do
+        right = np.cross((0.0, 0.0, 1.0), back)
+    right /= np.linalg.norm(right)
+    m = np.stack([right, np.cross(back, right), back], axis=1)
+    # The largest of the four components is computed first, so that nothing cancels.
+    w2 = np.array([1 + m[0, 0] - m[1, 1] - m[2, 2], 1 - m[0, 0] + m[1, 1] - m[2, 2],
+                   1 - m[0, 0] - m[1, 1] + m[2, 2], 1 + m[0, 0] + m[1, 1] + m[2, 2]])
+    k = int(np.argmax(w2))
+    s = 2.0 * np.sqrt(w2[k])
+    if k == 3:
+        q = [(m[2, 1] - m[1, 2]) / s, (m[0, 2] - m[2, 0]) / s, (m[1, 0] - m[0, 1]) / s, s / 4]
+    elif k == 0:
+        q = [s / 4, (m[0, 1] + m[1, 0]) / s, (m[0, 2] + m[2, 0]) / s, (m[2, 1] - m[1, 2]) / s]
+    elif k == 1:
+        q = [(m[0, 1] + m[1, 0]) / s, s / 4, (m[1, 2] + m[2, 1]) / s, (m[0, 2] - m[2, 0]) / s]
+    else:
+        q = [(m[0, 2] + m[2, 0]) / s, (m[1, 2] + m[2, 1]) / s, s / 4, (m[1, 0] - m[0, 1]) / s]
+    return tuple(float(x) for x in q)
