@@ -1,0 +1,243 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files that extend files, and settings of the command line -> one WrittenGraph in which every value keeps its place.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+
+#include "graph/stages.hpp"
+#include "graph/written.hpp"
+
+namespace heddle::graph {
+namespace {
+
+constexpr std::uintmax_t kLargestFile = 16U << 20U;  // bytes; 2000 passes are 286 KiB
+
+std::vector<std::string> names_of(const std::vector<WrittenPass>& passes) {
+  std::vector<std::string> names;
+  for (const WrittenPass& pass : passes) names.push_back(text_of(pass.name));
+  return names;
+}
+
+auto find_pass(std::vector<WrittenPass>& passes, std::string_view name) {
+  return std::ranges::find(passes, name, [](const WrittenPass& pass) -> std::string_view { return text_of(pass.name); });
+}
+
+std::string read_file(const std::filesystem::path& file, const Location& where) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const auto complain = [&](std::string message, std::string help) -> void {
+    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError, where, std::move(message), file.string(), {}, std::move(help)});
+  };
+  if (!fs::exists(file, error)) {
+    std::vector<std::string> neighbours;
+    const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
+    for (auto entry = fs::directory_iterator(folder, error); !error && entry != fs::directory_iterator(); entry.increment(error))
+      if (entry->path().extension() == ".toml") neighbours.push_back(entry->path().filename().string());
+    std::ranges::sort(neighbours);
+    complain("there is no such graph file", did_you_mean(file.filename().string(), neighbours));
+  }
+  if (!fs::is_regular_file(file, error)) complain("this is no file", {});
+  if (fs::file_size(file, error) > kLargestFile) complain("this file is larger than 16 MiB: no graph", {});
+  std::ifstream stream(file, std::ios::binary);
+  std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+  if (!stream.good() && !stream.eof()) complain("the graph file cannot be read", {});
+  return text;
+}
+
+struct Visited {
+  std::filesystem::path canonical;
+  std::string name;
+};
+
+WrittenGraph read_chain(WrittenGraph written, const std::filesystem::path& folder, std::vector<Visited>& visited);
+
+WrittenGraph read_one(const std::filesystem::path& file, const Location& where, std::vector<Visited>& visited) {
+  const std::string text = read_file(file, where);
+  std::error_code error;
+  visited.push_back({std::filesystem::weakly_canonical(file, error), file.string()});
+  return read_chain(parse(text, file.string()), file.parent_path(), visited);
+}
+
+WrittenGraph read_chain(WrittenGraph written, const std::filesystem::path& folder, std::vector<Visited>& visited) {
+  if (!written.extends) return written;
+  const std::filesystem::path base = folder / text_of(*written.extends);
+  std::error_code error;
+  const auto again = std::ranges::find(visited, std::filesystem::weakly_canonical(base, error), &Visited::canonical);
+  if (again != visited.end()) {
+    std::string chain;
+    for (auto step = again; step != visited.end(); ++step) chain += step->name + " -> ";
+    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError, written.extends->where, "graph files extend each other in a circle",
+                                             chain + again->name, "a file at the end that extends none", {}});
+  }
+  WrittenGraph read = read_one(base, written.extends->where, visited);
+  return overlay(std::move(read), std::move(written));
+}
+
+template <typename T>
+void replace_keys(std::vector<std::pair<WrittenKey, T>>& base, std::vector<std::pair<WrittenKey, T>> over) {
+  for (auto& entry : over) {
+    const auto found = std::ranges::find(base, entry.first.name, [](const auto& e) -> const std::string& { return e.first.name; });
+    if (found == base.end()) {
+      base.push_back(std::move(entry));
+    } else {
+      *found = std::move(entry);
+    }
+  }
+}
+
+void merge_pass(WrittenPass& base, WrittenPass over, Problems& problems) {
+  if (!text_of(over.role).empty() && text_of(over.role) != text_of(base.role))
+    problems.add(over.role.where, fmt::format("pass '{}' has another role in the file that is extended", text_of(base.name)),
+                 "role = " + to_toml(over.role), "role = " + to_toml(base.role), "a new pass needs a name of its own");
+  if (!text_of(over.technique).empty()) change_technique(base, std::move(over.technique));
+  replace_keys(base.params, std::move(over.params));
+  replace_keys(base.inputs, std::move(over.inputs));
+  replace_keys(base.functions, std::move(over.functions));
+  if (over.says_serves) {
+    base.serves = std::move(over.serves);
+    base.says_serves = true;
+  }
+  if (over.enabled) base.enabled = std::move(over.enabled);
+}
+
+/// Puts a pass where its 'after' or 'before' says; at the end without them.
+void place_pass(std::vector<WrittenPass>& passes, WrittenPass pass, Problems& problems) {
+  const std::optional<Written> anchor = pass.after ? pass.after : pass.before;
+  const bool is_after = pass.after.has_value();
+  pass.after.reset();
+  pass.before.reset();
+  auto place = passes.end();
+  if (anchor) {
+    place = find_pass(passes, text_of(*anchor));
+    if (place == passes.end()) {
+      problems.add(anchor->where, fmt::format("pass '{}': there is no pass '{}' to stand {}", text_of(pass.name), text_of(*anchor), is_after ? "after" : "before"),
+                   fmt::format("{} = {}", is_after ? "after" : "before", to_toml(*anchor)), "one of " + join_names(names_of(passes)),
+                   did_you_mean(text_of(*anchor), names_of(passes)));
+    } else if (is_after) {
+      ++place;
+    }
+  }
+  passes.insert(place, std::move(pass));
+}
+
+}  // namespace
+
+WrittenGraph read_graph(const std::filesystem::path& file) {
+  std::vector<Visited> visited;
+  return read_one(file, {file.string(), 0, 0}, visited);
+}
+
+WrittenGraph read_extended(WrittenGraph written, const std::filesystem::path& folder) {
+  std::vector<Visited> visited;
+  return read_chain(std::move(written), folder, visited);
+}
+
+WrittenGraph overlay(WrittenGraph base, WrittenGraph over) {
+  Problems problems;
+  base.file = over.file;
+  base.extends.reset();
+  if (over.extent) base.extent = std::move(over.extent);
+  if (over.output) base.output = std::move(over.output);
+  replace_keys(base.params, std::move(over.params));
+  replace_keys(base.joins, std::move(over.joins));
+
+  for (const Written& name : over.remove) {
+    const auto found = find_pass(base.passes, text_of(name));
+    if (found == base.passes.end()) {
+      problems.add(name.where, fmt::format("there is no pass '{}' to remove", text_of(name)), to_toml(name),
+                   "one of " + join_names(names_of(base.passes)), did_you_mean(text_of(name), names_of(base.passes)));
+    } else {
+      base.passes.erase(found);
+    }
+  }
+  base.remove.clear();
+
+  // Passes that the overlay itself introduced; a second one of the same name is a mistake, not a change.
+  std::vector<std::string> seen;
+  for (WrittenPass& pass : over.passes) {
+    const std::string name = text_of(pass.name);
+    if (std::ranges::find(seen, name) != seen.end()) {
+      problems.add(pass.where, fmt::format("pass '{}' is written twice in this file", name));
+      continue;
+    }
+    seen.push_back(name);
+    const auto found = find_pass(base.passes, name);
+    if (found == base.passes.end()) {
+      if (text_of(pass.role).empty() || text_of(pass.technique).empty()) {
+        const std::string missing = text_of(pass.role).empty() ? "role" : "technique";
+        problems.add(pass.name.where, fmt::format("there is no pass '{}' to change, and a new one needs a {}", name, missing),
+                     "name = " + to_toml(pass.name), "one of " + join_names(names_of(base.passes)),
+                     did_you_mean(name, names_of(base.passes)));
+        continue;
+      }
+      place_pass(base.passes, std::move(pass), problems);
+      continue;
+    }
+    const bool is_moved = pass.after || pass.before;
+    const auto after = pass.after;
+    const auto before = pass.before;
+    merge_pass(*found, std::move(pass), problems);
+    if (is_moved) {
+      WrittenPass moved = std::move(*found);
+      base.passes.erase(found);
+      moved.after = after;
+      moved.before = before;
+      place_pass(base.passes, std::move(moved), problems);
+    }
+  }
+  problems.throw_if_any();
+  return base;
+}
+
+void apply_setting(WrittenGraph& graph, std::string_view setting) {
+  constexpr std::string_view kForm = "PASS.technique=NAME, PASS.params.NAME=VALUE, params.NAME=VALUE, extent=[W,H] or output=PASS.PORT";
+  const auto characters = [&](std::size_t bytes) {  // 1 + characters before, in UTF-8
+    return 1 + static_cast<std::uint32_t>(std::ranges::count_if(setting.substr(0, bytes), [](char c) { return (c & 0xC0) != 0x80; }));
+  };
+  const auto place = [&](std::size_t bytes) { return Location{"--set", 1, characters(bytes)}; };
+  Problems problems;
+  const auto equals = setting.find('=');
+  if (equals == std::string_view::npos || equals == 0) {
+    problems.add(place(0), equals == 0 ? "the setting has no key" : "the setting has no '='", std::string(setting), std::string(kForm));
+    problems.throw_if_any();
+  }
+
+  std::vector<WrittenKey> path;
+  for (std::size_t begin = 0; begin <= equals;) {
+    const std::size_t end = std::min(setting.find('.', begin), equals);
+    std::size_t first = begin;
+    std::size_t last = end;
+    while (first < last && setting[first] == ' ') ++first;
+    while (last > first && setting[last - 1] == ' ') --last;
+    path.push_back({std::string(setting.substr(first, last - first)), place(first), {}});
+    if (path.back().name.empty())
+      problems.add(place(begin), "a part of the setting's key is empty", std::string(setting.substr(0, equals)), std::string(kForm));
+    begin = end + 1;
+  }
+  auto value = parse_value(setting.substr(equals + 1), place(equals + 1), problems);
+  problems.throw_if_any();
+
+  const std::string& first = path.front().name;
+  const bool is_graph_key = first == "extent" || first == "output" || first == "params" || first == "joins";
+  const auto pass = find_pass(graph.passes, first);
+  if (is_graph_key) {
+    assign_graph_key(graph, path, std::move(*value), problems);
+  } else if (pass == graph.passes.end()) {
+    std::vector<std::string> names = names_of(graph.passes);
+    for (const char* key : {"extent", "output", "params", "joins"}) names.emplace_back(key);
+    problems.add(path.front().where, fmt::format("the graph has no pass '{}'", first), std::string(setting), "one of " + join_names(names),
+                 did_you_mean(first, names));
+  } else if (path.size() == 1) {
+    problems.add(path.front().where, fmt::format("pass '{}': the setting says no key", first), std::string(setting), std::string(kForm));
+  } else if (path[1].name == "name" || path[1].name == "role" || path[1].name == "after" || path[1].name == "before") {
+    problems.add(path[1].where, fmt::format("pass '{}': a setting cannot change '{}'", first, path[1].name), std::string(setting),
+                 "technique, params, inputs, functions, serves or enabled", "an overlay file can");
+  } else {
+    assign_pass_key(*pass, std::span(path).subspan(1), std::move(*value), problems);
+  }
+  problems.throw_if_any();
+}
+
+}  // namespace heddle::graph

@@ -1,0 +1,181 @@
+// SPDX-License-Identifier: Apache-2.0
+// Declared accesses -> uses of resources, functions of providers included (see uses.hpp).
+#include "graph/uses.hpp"
+
+#include <algorithm>
+
+namespace heddle::graph {
+namespace {
+
+using Use = ScheduledStage::Use;
+
+constexpr std::uint32_t bit(std::uint32_t access) { return 1U << access; }
+
+constexpr std::uint32_t kSampled =
+    bit(HEDDLE_ACCESS_SAMPLED) | bit(HEDDLE_ACCESS_SAMPLED_LINEAR) | bit(HEDDLE_ACCESS_SAMPLED_COMPARE);
+
+/// The one access that stands for several: its layout suits all of them.
+std::uint32_t dominant(std::uint32_t mask, bool writes) {
+  for (std::uint32_t access = 0; access < 32; ++access)
+    if (mask == bit(access)) return access;
+  if ((mask & ~kSampled) == 0) return HEDDLE_ACCESS_SAMPLED;
+  if ((mask & ~(kSampled | bit(HEDDLE_ACCESS_DEPTH_READ))) == 0) return HEDDLE_ACCESS_DEPTH_READ;
+  if ((mask & ~(bit(HEDDLE_ACCESS_DEPTH) | bit(HEDDLE_ACCESS_DEPTH_READ))) == 0) return HEDDLE_ACCESS_DEPTH;
+  if ((mask & ~(bit(HEDDLE_ACCESS_TRANSFER_READ) | bit(HEDDLE_ACCESS_HOST_READ))) == 0) return HEDDLE_ACCESS_TRANSFER_READ;
+  if ((mask & ~(bit(HEDDLE_ACCESS_TRANSFER_WRITE) | bit(HEDDLE_ACCESS_HOST_WRITE))) == 0) return HEDDLE_ACCESS_TRANSFER_WRITE;
+  return writes ? HEDDLE_ACCESS_STORAGE_READ_WRITE : HEDDLE_ACCESS_STORAGE_READ;  // GENERAL
+}
+
+/// Values are written by the technique's cpu stages that touch the port, or else by the first gpu stage that does.
+bool writes_value(const Technique& technique, std::uint32_t stage, std::string_view port) {
+  const auto touches = [&](const Stage& s) {
+    return std::ranges::any_of(s.accesses, [&](const Access& access) { return access.port == port; });
+  };
+  const bool has_cpu = std::ranges::any_of(technique.stages, [&](const Stage& s) { return s.kind == StageKind::kCpu && touches(s); });
+  if (has_cpu) return technique.stages[stage].kind == StageKind::kCpu;
+  const auto first = std::ranges::find_if(technique.stages, touches);
+  return first - technique.stages.begin() == static_cast<std::ptrdiff_t>(stage);
+}
+
+Use make_use(ResourceIndex resource, std::uint32_t access, bool reads, bool writes) {
+  return {resource, access, reads, writes, bit(access)};
+}
+
+void visit_providers(const ResolvedGraph& graph, PassIndex caller, std::span<const std::string> calls,
+                     std::vector<std::pair<PassIndex, const Function*>>& found) {
+  for (const std::string& role : calls) {
+    const auto& bindings = graph.passes[caller].functions;
+    const auto binding = std::ranges::find(bindings, role, &FunctionBinding::role);
+    if (binding == bindings.end()) continue;
+    for (const PassIndex provider : binding->providers) {
+      const Function* function = graph.passes[provider].entry.technique->find_function(role);
+      if (function == nullptr) continue;
+      const std::pair entry(provider, function);
+      if (std::ranges::find(found, entry) != found.end()) continue;
+      found.push_back(entry);
+      visit_providers(graph, provider, function->calls, found);
+    }
+  }
+}
+
+void add_calls(std::vector<std::string>& calls, const std::vector<std::string>& more) {
+  for (const std::string& role : more)
+    if (std::ranges::find(calls, role) == calls.end()) calls.push_back(role);
+}
+
+}  // namespace
+
+void merge_use(std::vector<Use>& uses, const Use& use) {
+  const auto found = std::ranges::find(uses, use.resource, &Use::resource);
+  if (found == uses.end()) {
+    uses.push_back(use);
+    return;
+  }
+  found->reads = found->reads || use.reads;
+  found->writes = found->writes || use.writes;
+  found->mask |= use.mask;
+  found->access = dominant(found->mask, found->writes);
+}
+
+std::vector<Use> own_uses(const ResolvedGraph& graph, PassIndex index, std::uint32_t stage) {
+  const Pass& pass = graph.passes[index];
+  const Technique& technique = *pass.entry.technique;
+  std::vector<Use> uses;
+  for (const Access& access : technique.stages[stage].accesses) {
+    const Port* port = technique.find_port(access.port);
+    const auto bound = pass.ports.find(access.port);
+    if (port == nullptr || bound == pass.ports.end()) continue;
+    const ResourceIndex resource = bound->second;
+    if (has_memory(port->type)) {
+      const AccessInfo info = access_info(access.access, port->type, graph.resources[resource].format);
+      const bool is_attachment = access.access == HEDDLE_ACCESS_COLOR || access.access == HEDDLE_ACCESS_DEPTH;
+      const bool reads = is_attachment ? access.load == HEDDLE_LOAD_KEEP : info.reads;
+      merge_use(uses, make_use(resource, access.access, reads, info.writes));
+      continue;
+    }
+    if (port->direction == Direction::kIn) {
+      merge_use(uses, make_use(resource, access.access, true, false));
+      continue;
+    }
+    const bool writes = writes_value(technique, stage, access.port);
+    merge_use(uses, make_use(resource, access.access, !writes || technique.stages[stage].kind == StageKind::kGpu, writes));
+    const auto source = pass.inout_sources.find(access.port);
+    if (writes && source != pass.inout_sources.end()) merge_use(uses, make_use(source->second, access.access, true, false));
+  }
+  return uses;
+}
+
+std::vector<Use> function_uses(const ResolvedGraph& graph, PassIndex caller, std::span<const std::string> calls) {
+  std::vector<std::pair<PassIndex, const Function*>> providers;
+  visit_providers(graph, caller, calls, providers);
+  std::vector<Use> uses;
+  for (const auto& [provider, function] : providers) {
+    const Pass& pass = graph.passes[provider];
+    for (const Access& access : function->accesses) {
+      const auto bound = pass.ports.find(access.port);
+      if (bound == pass.ports.end()) continue;
+      const Resource& resource = graph.resources[bound->second];
+      const AccessInfo info = access_info(access.access, resource.type, resource.format);
+      merge_use(uses, make_use(bound->second, access.access, info.reads || !has_memory(resource.type), info.writes));
+    }
+  }
+  return uses;
+}
+
+std::vector<std::string> stage_calls(const Pass& pass, std::uint32_t stage) {
+  const Technique& technique = *pass.entry.technique;
+  if (technique.stages[stage].kind == StageKind::kCpu) return all_calls(technique);
+  std::vector<std::string> calls;
+  for (const Shader& shader : technique.shaders)
+    if (shader.stage == technique.stages[stage].name) add_calls(calls, shader.calls);
+  return calls;
+}
+
+std::vector<std::string> all_calls(const Technique& technique) {
+  std::vector<std::string> calls;
+  for (const Shader& shader : technique.shaders) add_calls(calls, shader.calls);
+  for (const Function& function : technique.functions) add_calls(calls, function.calls);
+  return calls;
+}
+
+std::vector<PassIndex> reached_providers(const ResolvedGraph& graph, PassIndex caller,
+                                         std::span<const std::string> calls) {
+  std::vector<std::pair<PassIndex, const Function*>> found;
+  visit_providers(graph, caller, calls, found);
+  std::vector<PassIndex> providers;
+  for (const auto& entry : found)
+    if (std::ranges::find(providers, entry.first) == providers.end()) providers.push_back(entry.first);
+  return providers;
+}
+
+std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex index) {
+  const Pass& pass = graph.passes[index];
+  std::vector<PassIndex> found;
+  const auto add = [&](PassIndex dependency) {
+    if (dependency != kNoIndex && dependency != index) found.push_back(dependency);
+  };
+  for (const auto& [name, resource] : pass.ports) add(graph.resources[resource].producer);
+  for (const auto& [name, resource] : pass.inout_sources) add(graph.resources[resource].producer);
+  const std::vector<std::string> calls = all_calls(*pass.entry.technique);
+  for (const PassIndex provider : reached_providers(graph, index, calls)) add(provider);
+  for (const Use& use : function_uses(graph, index, calls)) add(graph.resources[use.resource].producer);
+  std::ranges::sort(found);
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  return found;
+}
+
+ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource) {
+  if (!has_memory(graph.resources[resource].type)) return resource;
+  while (graph.resources[resource].previous_version != kNoIndex) resource = graph.resources[resource].previous_version;
+  return resource;
+}
+
+std::string_view access_name(std::uint32_t access) {
+  constexpr std::array<std::string_view, 15> kNames{"sampled",      "sampled linear", "storage read",   "storage write",
+                                                    "storage read and write", "colour attachment", "depth attachment",
+                                                    "depth test",   "value",          "draw",           "host read",
+                                                    "host write",   "transfer read",  "transfer write", "sampled compare"};
+  return access < kNames.size() ? kNames[access] : "unknown";
+}
+
+}  // namespace heddle::graph

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// What stages touch: declared accesses of a stage, and of the functions that its shaders reach, as uses of resources.
+#pragma once
+
+#include "graph/stages.hpp"
+
+namespace heddle::graph {
+
+/// Adds a use; several of one resource become one whose `access` has a layout that suits them all.
+void merge_use(std::vector<ScheduledStage::Use>& uses, const ScheduledStage::Use& use);
+
+/// Uses of a stage's own declared accesses. Absent optional inputs are left out.
+std::vector<ScheduledStage::Use> own_uses(const ResolvedGraph& graph, PassIndex pass, std::uint32_t stage);
+
+/// What the functions of every provider reached by these calls touch, through the providers' own ports.
+std::vector<ScheduledStage::Use> function_uses(const ResolvedGraph& graph, PassIndex caller,
+                                               std::span<const std::string> calls);
+
+/// Roles called by the shaders of a stage; cpu stages: all that the pass calls (they may ask for services).
+std::vector<std::string> stage_calls(const Pass& pass, std::uint32_t stage);
+/// Roles called by any shader or function text of the technique, in order of first appearance.
+std::vector<std::string> all_calls(const Technique& technique);
+
+/// Producers of inputs, providers, and producers of what providers read; sorted, without the pass itself.
+std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex pass);
+
+/// True for images and buffers: what has memory, versions in place, and barriers.
+inline bool has_memory(PortType type) { return type == PortType::kImage || type == PortType::kBuffer; }
+
+/// "HEDDLE_ACCESS_" in words of people: "sampled", "colour", ...
+std::string_view access_name(std::uint32_t access);
+
+}  // namespace heddle::graph
