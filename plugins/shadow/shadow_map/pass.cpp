@@ -53,7 +53,8 @@ constexpr heddle_port kPorts[] = {
 
 constexpr heddle_access kFitAccesses[] = {value("lights"), value("camera"), value("shadow_views"), value("light_views"),
                                           value("kernel")};
-constexpr heddle_access kDrawAccesses[] = {drawn("surfaces"), depth_cleared("atlas")};
+// shadow_views: the views that are drawn are those that fit_views made.
+constexpr heddle_access kDrawAccesses[] = {drawn("surfaces"), value("shadow_views"), depth_cleared("atlas")};
 constexpr heddle_access kFunctionAccesses[] = {value("lights"), value("shadow_views"), value("light_views"),
                                                value("kernel"), sampled_compare("atlas")};
 
