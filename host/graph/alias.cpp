@@ -28,7 +28,8 @@ std::uint64_t round_up(std::uint64_t value, std::uint64_t multiple) {
   return (value + multiple - 1) / multiple * multiple;
 }
 
-/// Places blocks in the given order, each into the tightest hole among those that live with it. Returns the heap's size.
+/// Places blocks in the given order, each into the tightest hole among those that live with it. Returns the heap's
+/// size.
 std::uint64_t place(std::vector<Block>& blocks, std::span<const std::size_t> sequence) {
   std::uint64_t heap = 0;
   std::vector<const Block*> placed;  // sorted by offset

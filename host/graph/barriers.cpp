@@ -9,8 +9,9 @@
 namespace heddle::graph {
 namespace {
 
-constexpr VkPipelineStageFlags2 kShaderStages =
-    VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT | VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT;
+constexpr VkPipelineStageFlags2 kShaderStages = VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT |
+                                                VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
+                                                VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT;
 constexpr VkPipelineStageFlags2 kDepthStages =
     VK_PIPELINE_STAGE_2_EARLY_FRAGMENT_TESTS_BIT | VK_PIPELINE_STAGE_2_LATE_FRAGMENT_TESTS_BIT;
 constexpr VkAccessFlags2 kWrites = VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT | VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT |
@@ -29,9 +30,10 @@ VkPipelineStageFlags2 shader_stages(const ResolvedGraph& graph, const ScheduledS
   VkPipelineStageFlags2 stages = 0;
   for (const Shader& shader : technique.shaders) {
     if (shader.stage != stage.name) continue;
-    stages |= shader.kind == ShaderKind::kCompute      ? VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT
-              : shader.kind == ShaderKind::kFullscreen ? VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT
-                                                       : VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT;
+    stages |= shader.kind == ShaderKind::kCompute ? VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT
+              : shader.kind == ShaderKind::kFullscreen
+                  ? VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT
+                  : VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT;
   }
   // Attachments without a raster shader: the technique records draws of its own.
   const bool draws = std::ranges::any_of(stage.accesses, [](const Access& access) {
@@ -89,15 +91,16 @@ Barrier make_barrier(ResourceIndex resource, const AccessInfo& from, const Acces
 AccessInfo access_info(std::uint32_t access, PortType type, std::uint32_t /*format*/) {
   if (type == PortType::kSurfaces || type == PortType::kValue) {
     // Uploaded by the host before the frame begins: nothing on the GPU writes them.
-    return {kShaderStages, VK_ACCESS_2_SHADER_STORAGE_READ_BIT | VK_ACCESS_2_UNIFORM_READ_BIT, VK_IMAGE_LAYOUT_UNDEFINED,
-            access != HEDDLE_ACCESS_HOST_WRITE, access == HEDDLE_ACCESS_HOST_WRITE};
+    return {kShaderStages, VK_ACCESS_2_SHADER_STORAGE_READ_BIT | VK_ACCESS_2_UNIFORM_READ_BIT,
+            VK_IMAGE_LAYOUT_UNDEFINED, access != HEDDLE_ACCESS_HOST_WRITE, access == HEDDLE_ACCESS_HOST_WRITE};
   }
   AccessInfo info;
   switch (access) {
     case HEDDLE_ACCESS_SAMPLED:
     case HEDDLE_ACCESS_SAMPLED_LINEAR:
     case HEDDLE_ACCESS_SAMPLED_COMPARE:
-      info = {kShaderStages, VK_ACCESS_2_SHADER_SAMPLED_READ_BIT, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL, true, false};
+      info = {kShaderStages, VK_ACCESS_2_SHADER_SAMPLED_READ_BIT, VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL, true,
+              false};
       break;
     case HEDDLE_ACCESS_STORAGE_READ:
       info = {kShaderStages, VK_ACCESS_2_SHADER_STORAGE_READ_BIT, VK_IMAGE_LAYOUT_GENERAL, true, false};
@@ -115,12 +118,13 @@ AccessInfo access_info(std::uint32_t access, PortType type, std::uint32_t /*form
               VK_IMAGE_LAYOUT_COLOR_ATTACHMENT_OPTIMAL, true, true};
       break;
     case HEDDLE_ACCESS_DEPTH:
-      info = {kDepthStages, VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_READ_BIT | VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT,
+      info = {kDepthStages,
+              VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_READ_BIT | VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_WRITE_BIT,
               VK_IMAGE_LAYOUT_DEPTH_STENCIL_ATTACHMENT_OPTIMAL, true, true};
       break;
     case HEDDLE_ACCESS_DEPTH_READ:
-      info = {kDepthStages, VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_READ_BIT, VK_IMAGE_LAYOUT_DEPTH_STENCIL_READ_ONLY_OPTIMAL,
-              true, false};
+      info = {kDepthStages, VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_READ_BIT,
+              VK_IMAGE_LAYOUT_DEPTH_STENCIL_READ_ONLY_OPTIMAL, true, false};
       break;
     case HEDDLE_ACCESS_HOST_READ:  // execute copies to and from staging memory
     case HEDDLE_ACCESS_TRANSFER_READ:
@@ -129,8 +133,8 @@ AccessInfo access_info(std::uint32_t access, PortType type, std::uint32_t /*form
       break;
     case HEDDLE_ACCESS_HOST_WRITE:
     case HEDDLE_ACCESS_TRANSFER_WRITE:
-      info = {VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, VK_ACCESS_2_TRANSFER_WRITE_BIT, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
-              false, true};
+      info = {VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT, VK_ACCESS_2_TRANSFER_WRITE_BIT,
+              VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, false, true};
       break;
     default:
       throw Error(HEDDLE_BUG, "access " + std::to_string(access) + " has no meaning for an image or buffer");

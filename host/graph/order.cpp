@@ -77,9 +77,10 @@ class Scheduler {
         // A cpu stage asks providers for services, which touch nothing on the GPU.
         if (node.scheduled.kind == StageKind::kGpu) node.from_functions = function_uses(graph_, p, calls);
         for (const auto& use : node.from_functions) merge_use(node.scheduled.uses, use);
-        node.is_early = node.scheduled.kind == StageKind::kCpu && std::ranges::none_of(node.scheduled.uses, [&](const auto& use) {
-                          return has_memory(graph_.resources[use.resource].type);
-                        });
+        node.is_early =
+            node.scheduled.kind == StageKind::kCpu && std::ranges::none_of(node.scheduled.uses, [&](const auto& use) {
+              return has_memory(graph_.resources[use.resource].type);
+            });
         nodes_of_[p].push_back(static_cast<NodeIndex>(nodes_.size()));
         nodes_.push_back(std::move(node));
       }
@@ -89,14 +90,16 @@ class Scheduler {
 
   [[nodiscard]] const std::string& name(PassIndex pass) const { return graph_.passes[pass].name; }
 
-  /// Stages that write a version; if its producer says of none, all of them; without stages, those of the version before.
+  /// Stages that write a version; if its producer says of none, all of them; without stages, those of the version
+  /// before.
   [[nodiscard]] std::vector<NodeIndex> writers(ResourceIndex resource) const {
     while (true) {
       const Resource& r = graph_.resources[resource];
       if (r.producer == kNoIndex) return {};
       std::vector<NodeIndex> found;
       for (const NodeIndex n : nodes_of_[r.producer])
-        if (std::ranges::any_of(nodes_[n].scheduled.uses, [&](const auto& use) { return use.resource == resource && use.writes; }))
+        if (std::ranges::any_of(nodes_[n].scheduled.uses,
+                                [&](const auto& use) { return use.resource == resource && use.writes; }))
           found.push_back(n);
       if (found.empty()) found = nodes_of_[r.producer];
       if (!found.empty() || r.previous_version == kNoIndex) return found;
@@ -126,7 +129,10 @@ class Scheduler {
     for (const auto& use : node.from_functions) {
       if (graph_.resources[use.resource].producer != pass) continue;
       for (const NodeIndex w : writers(use.resource))
-        if (w >= n) add_edge(w, n, fmt::format("'{}' calls a function that reads '{}'", name(pass), graph_.resources[use.resource].name));
+        if (w >= n)
+          add_edge(
+              w, n,
+              fmt::format("'{}' calls a function that reads '{}'", name(pass), graph_.resources[use.resource].name));
     }
     for (const PassIndex provider : node.providers) {
       if (provider == pass || nodes_of_[provider].empty()) continue;
@@ -140,7 +146,9 @@ class Scheduler {
         if (r.previous_version != use.resource || r.producer == pass || graph_.passes[r.producer].is_pruned) continue;
         for (const NodeIndex w : writers(later))
           if (nodes_[w].scheduled.pass == r.producer)
-            add_edge(n, w, fmt::format("'{}' changes '{}', which '{}' reads", name(r.producer), graph_.resources[use.resource].name, name(pass)));
+            add_edge(n, w,
+                     fmt::format("'{}' changes '{}', which '{}' reads", name(r.producer),
+                                 graph_.resources[use.resource].name, name(pass)));
       }
     }
   }
@@ -163,7 +171,8 @@ class Scheduler {
                   circle.push_back(q);
                   std::string why;
                   for (std::size_t i = 0; i + 1 < circle.size(); ++i)
-                    why += (why.empty() ? "" : "; ") + fmt::format("'{}' calls functions of '{}'", name(circle[i]), name(circle[i + 1]));
+                    why += (why.empty() ? "" : "; ") +
+                           fmt::format("'{}' calls functions of '{}'", name(circle[i]), name(circle[i + 1]));
                   report(circle, why);
                 }
                 if (state[q] == kNew) self(self, q);
@@ -208,8 +217,11 @@ class Scheduler {
   [[noreturn]] void report(const std::vector<PassIndex>& circle, const std::string& why) const {
     std::string chain;
     for (const PassIndex pass : circle) chain += (chain.empty() ? "" : " -> ") + name(pass);
-    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError, graph_.passes[circle.front()].where,
-                                             "these passes wait for each other: " + chain, why, {},
+    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
+                                             graph_.passes[circle.front()].where,
+                                             "these passes wait for each other: " + chain,
+                                             why,
+                                             {},
                                              "bind one of these inputs to another pass, or to \"none\""});
   }
 
@@ -224,7 +236,8 @@ class Scheduler {
           scheduled.splits_submission = true;
       }
       for (const auto& use : scheduled.uses)
-        if (use.writes && has_memory(graph_.resources[use.resource].type)) made.insert(first_version(graph_, use.resource));
+        if (use.writes && has_memory(graph_.resources[use.resource].type))
+          made.insert(first_version(graph_, use.resource));
     }
   }
 
@@ -237,6 +250,8 @@ class Scheduler {
 
 }  // namespace
 
-Order order(const ResolvedGraph& graph) { return Scheduler(graph).run(); }
+Order order(const ResolvedGraph& graph) {
+  return Scheduler(graph).run();
+}
 
 }  // namespace heddle::graph

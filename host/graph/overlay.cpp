@@ -21,19 +21,22 @@ std::vector<std::string> names_of(const std::vector<WrittenPass>& passes) {
 }
 
 auto find_pass(std::vector<WrittenPass>& passes, std::string_view name) {
-  return std::ranges::find(passes, name, [](const WrittenPass& pass) -> std::string_view { return text_of(pass.name); });
+  return std::ranges::find(passes, name,
+                           [](const WrittenPass& pass) -> std::string_view { return text_of(pass.name); });
 }
 
 std::string read_file(const std::filesystem::path& file, const Location& where) {
   namespace fs = std::filesystem;
   std::error_code error;
   const auto complain = [&](std::string message, std::string help) -> void {
-    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError, where, std::move(message), file.string(), {}, std::move(help)});
+    throw Error(HEDDLE_BAD_INPUT,
+                Diagnostic{Severity::kError, where, std::move(message), file.string(), {}, std::move(help)});
   };
   if (!fs::exists(file, error)) {
     std::vector<std::string> neighbours;
     const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
-    for (auto entry = fs::directory_iterator(folder, error); !error && entry != fs::directory_iterator(); entry.increment(error))
+    for (auto entry = fs::directory_iterator(folder, error); !error && entry != fs::directory_iterator();
+         entry.increment(error))
       if (entry->path().extension() == ".toml") neighbours.push_back(entry->path().filename().string());
     std::ranges::sort(neighbours);
     complain("there is no such graph file", did_you_mean(file.filename().string(), neighbours));
@@ -68,8 +71,12 @@ WrittenGraph read_chain(WrittenGraph written, const std::filesystem::path& folde
   if (again != visited.end()) {
     std::string chain;
     for (auto step = again; step != visited.end(); ++step) chain += step->name + " -> ";
-    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError, written.extends->where, "graph files extend each other in a circle",
-                                             chain + again->name, "a file at the end that extends none", {}});
+    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
+                                             written.extends->where,
+                                             "graph files extend each other in a circle",
+                                             chain + again->name,
+                                             "a file at the end that extends none",
+                                             {}});
   }
   WrittenGraph read = read_one(base, written.extends->where, visited);
   return overlay(std::move(read), std::move(written));
@@ -78,7 +85,8 @@ WrittenGraph read_chain(WrittenGraph written, const std::filesystem::path& folde
 template <typename T>
 void replace_keys(std::vector<std::pair<WrittenKey, T>>& base, std::vector<std::pair<WrittenKey, T>> over) {
   for (auto& entry : over) {
-    const auto found = std::ranges::find(base, entry.first.name, [](const auto& e) -> const std::string& { return e.first.name; });
+    const auto found =
+        std::ranges::find(base, entry.first.name, [](const auto& e) -> const std::string& { return e.first.name; });
     if (found == base.end()) {
       base.push_back(std::move(entry));
     } else {
@@ -89,7 +97,8 @@ void replace_keys(std::vector<std::pair<WrittenKey, T>>& base, std::vector<std::
 
 void merge_pass(WrittenPass& base, WrittenPass over, Problems& problems) {
   if (!text_of(over.role).empty() && text_of(over.role) != text_of(base.role))
-    problems.add(over.role.where, fmt::format("pass '{}' has another role in the file that is extended", text_of(base.name)),
+    problems.add(over.role.where,
+                 fmt::format("pass '{}' has another role in the file that is extended", text_of(base.name)),
                  "role = " + to_toml(over.role), "role = " + to_toml(base.role), "a new pass needs a name of its own");
   if (!text_of(over.technique).empty()) change_technique(base, std::move(over.technique));
   replace_keys(base.params, std::move(over.params));
@@ -112,9 +121,11 @@ void place_pass(std::vector<WrittenPass>& passes, WrittenPass pass, Problems& pr
   if (anchor) {
     place = find_pass(passes, text_of(*anchor));
     if (place == passes.end()) {
-      problems.add(anchor->where, fmt::format("pass '{}': there is no pass '{}' to stand {}", text_of(pass.name), text_of(*anchor), is_after ? "after" : "before"),
-                   fmt::format("{} = {}", is_after ? "after" : "before", to_toml(*anchor)), "one of " + join_names(names_of(passes)),
-                   did_you_mean(text_of(*anchor), names_of(passes)));
+      problems.add(anchor->where,
+                   fmt::format("pass '{}': there is no pass '{}' to stand {}", text_of(pass.name), text_of(*anchor),
+                               is_after ? "after" : "before"),
+                   fmt::format("{} = {}", is_after ? "after" : "before", to_toml(*anchor)),
+                   "one of " + join_names(names_of(passes)), did_you_mean(text_of(*anchor), names_of(passes)));
     } else if (is_after) {
       ++place;
     }
@@ -167,7 +178,8 @@ WrittenGraph overlay(WrittenGraph base, WrittenGraph over) {
     if (found == base.passes.end()) {
       if (text_of(pass.role).empty() || text_of(pass.technique).empty()) {
         const std::string missing = text_of(pass.role).empty() ? "role" : "technique";
-        problems.add(pass.name.where, fmt::format("there is no pass '{}' to change, and a new one needs a {}", name, missing),
+        problems.add(pass.name.where,
+                     fmt::format("there is no pass '{}' to change, and a new one needs a {}", name, missing),
                      "name = " + to_toml(pass.name), "one of " + join_names(names_of(base.passes)),
                      did_you_mean(name, names_of(base.passes)));
         continue;
@@ -192,15 +204,18 @@ WrittenGraph overlay(WrittenGraph base, WrittenGraph over) {
 }
 
 void apply_setting(WrittenGraph& graph, std::string_view setting) {
-  constexpr std::string_view kForm = "PASS.technique=NAME, PASS.params.NAME=VALUE, params.NAME=VALUE, extent=[W,H] or output=PASS.PORT";
+  constexpr std::string_view kForm =
+      "PASS.technique=NAME, PASS.params.NAME=VALUE, params.NAME=VALUE, extent=[W,H] or output=PASS.PORT";
   const auto characters = [&](std::size_t bytes) {  // 1 + characters before, in UTF-8
-    return 1 + static_cast<std::uint32_t>(std::ranges::count_if(setting.substr(0, bytes), [](char c) { return (c & 0xC0) != 0x80; }));
+    return 1 + static_cast<std::uint32_t>(
+                   std::ranges::count_if(setting.substr(0, bytes), [](char c) { return (c & 0xC0) != 0x80; }));
   };
   const auto place = [&](std::size_t bytes) { return Location{"--set", 1, characters(bytes)}; };
   Problems problems;
   const auto equals = setting.find('=');
   if (equals == std::string_view::npos || equals == 0) {
-    problems.add(place(0), equals == 0 ? "the setting has no key" : "the setting has no '='", std::string(setting), std::string(kForm));
+    problems.add(place(0), equals == 0 ? "the setting has no key" : "the setting has no '='", std::string(setting),
+                 std::string(kForm));
     problems.throw_if_any();
   }
 
@@ -213,7 +228,8 @@ void apply_setting(WrittenGraph& graph, std::string_view setting) {
     while (last > first && setting[last - 1] == ' ') --last;
     path.push_back({std::string(setting.substr(first, last - first)), place(first), {}});
     if (path.back().name.empty())
-      problems.add(place(begin), "a part of the setting's key is empty", std::string(setting.substr(0, equals)), std::string(kForm));
+      problems.add(place(begin), "a part of the setting's key is empty", std::string(setting.substr(0, equals)),
+                   std::string(kForm));
     begin = end + 1;
   }
   auto value = parse_value(setting.substr(equals + 1), place(equals + 1), problems);
@@ -227,13 +243,15 @@ void apply_setting(WrittenGraph& graph, std::string_view setting) {
   } else if (pass == graph.passes.end()) {
     std::vector<std::string> names = names_of(graph.passes);
     for (const char* key : {"extent", "output", "params", "joins"}) names.emplace_back(key);
-    problems.add(path.front().where, fmt::format("the graph has no pass '{}'", first), std::string(setting), "one of " + join_names(names),
-                 did_you_mean(first, names));
+    problems.add(path.front().where, fmt::format("the graph has no pass '{}'", first), std::string(setting),
+                 "one of " + join_names(names), did_you_mean(first, names));
   } else if (path.size() == 1) {
-    problems.add(path.front().where, fmt::format("pass '{}': the setting says no key", first), std::string(setting), std::string(kForm));
+    problems.add(path.front().where, fmt::format("pass '{}': the setting says no key", first), std::string(setting),
+                 std::string(kForm));
   } else if (path[1].name == "name" || path[1].name == "role" || path[1].name == "after" || path[1].name == "before") {
-    problems.add(path[1].where, fmt::format("pass '{}': a setting cannot change '{}'", first, path[1].name), std::string(setting),
-                 "technique, params, inputs, functions, serves or enabled", "an overlay file can");
+    problems.add(path[1].where, fmt::format("pass '{}': a setting cannot change '{}'", first, path[1].name),
+                 std::string(setting), "technique, params, inputs, functions, serves or enabled",
+                 "an overlay file can");
   } else {
     assign_pass_key(*pass, std::span(path).subspan(1), std::move(*value), problems);
   }

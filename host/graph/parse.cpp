@@ -82,21 +82,27 @@ std::vector<std::pair<WrittenKey, const toml::node*>> in_file_order(const toml::
   std::vector<std::pair<WrittenKey, const toml::node*>> keys;
   for (const auto& [key, node] : table)
     keys.push_back({{std::string(key.str()), to_location(key.source(), file), {}}, &node});
-  std::ranges::stable_sort(keys, {}, [](const auto& key) {
-    return std::pair(key.first.where.line, key.first.where.column);
-  });
+  std::ranges::stable_sort(keys, {},
+                           [](const auto& key) { return std::pair(key.first.where.line, key.first.where.column); });
   return keys;
 }
 
 std::string_view type_name(toml::node_type type) {
   switch (type) {
-    case toml::node_type::table: return "a table";
-    case toml::node_type::array: return "an array";
-    case toml::node_type::string: return "a string";
-    case toml::node_type::integer: return "an integer";
-    case toml::node_type::floating_point: return "a number";
-    case toml::node_type::boolean: return "a bool";
-    default: return "a date or time";
+    case toml::node_type::table:
+      return "a table";
+    case toml::node_type::array:
+      return "an array";
+    case toml::node_type::string:
+      return "a string";
+    case toml::node_type::integer:
+      return "an integer";
+    case toml::node_type::floating_point:
+      return "a number";
+    case toml::node_type::boolean:
+      return "a bool";
+    default:
+      return "a date or time";
   }
 }
 
@@ -137,8 +143,7 @@ void walk(const toml::table& table, std::string_view file, std::span<const std::
     const bool is_known_table = std::ranges::find(tables, key.name) != tables.end();
     if (const auto* inner = node->as_table(); inner != nullptr && is_known_table) {
       for (const auto& [inner_key, inner_node] : in_file_order(*inner, file)) {
-        if (auto value = to_written(*inner_node, file, problems))
-          assign(std::array{key, inner_key}, std::move(*value));
+        if (auto value = to_written(*inner_node, file, problems)) assign(std::array{key, inner_key}, std::move(*value));
       }
     } else if (node->is_table()) {
       // No key takes a table here: the path with one of its keys makes the grammar say so, or that the key is unknown.
@@ -156,7 +161,8 @@ void read_pass(const toml::table& table, std::string_view file, WrittenGraph& gr
   pass.name = pass.role = pass.technique = Written{std::string{}, {}};
   // The names come first, because the messages about the other keys say them.
   for (const char* key : {"role", "name"})
-    if (const auto* node = table.get_as<std::string>(key)) pass.name = Written{node->get(), to_location(node->source(), file)};
+    if (const auto* node = table.get_as<std::string>(key))
+      pass.name = Written{node->get(), to_location(node->source(), file)};
   walk(table, file, kPassTables, problems, [&](std::span<const WrittenKey> path, Written value) {
     assign_pass_key(pass, path, std::move(value), problems);
   });
@@ -164,10 +170,13 @@ void read_pass(const toml::table& table, std::string_view file, WrittenGraph& gr
   const bool is_overlay = graph.extends.has_value();
   const std::string label = text_of(pass.name).empty() ? "this pass" : "pass '" + text_of(pass.name) + "'";
   if (text_of(pass.name).empty() && !table.contains("name") && !table.contains("role"))
-    problems.add(pass.where, "this pass has neither name nor role", {}, "role = \"...\", and a name if two passes have the same role");
+    problems.add(pass.where, "this pass has neither name nor role", {},
+                 "role = \"...\", and a name if two passes have the same role");
   if (!is_overlay) {
-    if (!table.contains("role") && !text_of(pass.name).empty()) problems.add(pass.where, label + " has no role", {}, "role = \"...\"");
-    if (!table.contains("technique")) problems.add(pass.where, label + " has no technique", {}, "technique = \"...\", or \"none\"");
+    if (!table.contains("role") && !text_of(pass.name).empty())
+      problems.add(pass.where, label + " has no role", {}, "role = \"...\"");
+    if (!table.contains("technique"))
+      problems.add(pass.where, label + " has no technique", {}, "technique = \"...\", or \"none\"");
     for (const auto* place : {&pass.after, &pass.before})
       if (*place)
         problems.add((*place)->where, label + ": 'after' and 'before' are for files that extend another", {}, {},
@@ -198,15 +207,17 @@ WrittenGraph parse(std::string_view text, std::string_view file) {
     if (const toml::array* array = passes->as_array(); array != nullptr && array->is_array_of_tables()) {
       for (const toml::node& pass : *array) read_pass(*pass.as_table(), file, graph, problems);
     } else {
-      problems.add(to_location(passes->source(), file), "'pass' is written as " + std::string(type_name(passes->type())),
-                   {}, "[[pass]], in two brackets, before the keys of each pass");
+      problems.add(to_location(passes->source(), file),
+                   "'pass' is written as " + std::string(type_name(passes->type())), {},
+                   "[[pass]], in two brackets, before the keys of each pass");
     }
   }
   walk(table, file, kGraphTables, problems, [&](std::span<const WrittenKey> path, Written value) {
     if (path.front().name != "pass") assign_graph_key(graph, path, std::move(value), problems);
   });
   if (!graph.extends && !graph.remove.empty())
-    problems.add(graph.remove.front().where, "'remove' is for files that extend another", to_toml(graph.remove.front()));
+    problems.add(graph.remove.front().where, "'remove' is for files that extend another",
+                 to_toml(graph.remove.front()));
   problems.throw_if_any();
   return graph;
 }
@@ -216,7 +227,8 @@ std::optional<Written> parse_value(std::string_view text, const Location& where,
   const std::string_view value = trimmed(text);
   const std::uint32_t spaces = static_cast<std::uint32_t>(value.data() - text.data());
   const auto shift = [&](Location place) {
-    if (place.line == 1) place.column = where.column + spaces + (place.column - static_cast<std::uint32_t>(kBefore.size()) - 1);
+    if (place.line == 1)
+      place.column = where.column + spaces + (place.column - static_cast<std::uint32_t>(kBefore.size()) - 1);
     return place;
   };
   const auto move_all = [&](const auto& self, Written& written) -> void {
@@ -235,9 +247,11 @@ std::optional<Written> parse_value(std::string_view text, const Location& where,
     return std::nullopt;
   } catch (const toml::parse_error& error) {
     const bool is_word = !value.empty() && std::ranges::all_of(value, [](char c) {
-      return std::isalnum(static_cast<unsigned char>(c)) != 0 || std::string_view("_-./$+").find(c) != std::string_view::npos;
+      return std::isalnum(static_cast<unsigned char>(c)) != 0 ||
+             std::string_view("_-./$+").find(c) != std::string_view::npos;
     });
-    if (is_word) return Written{std::string(value), shift({where.file, 1, static_cast<std::uint32_t>(kBefore.size()) + 1})};
+    if (is_word)
+      return Written{std::string(value), shift({where.file, 1, static_cast<std::uint32_t>(kBefore.size()) + 1})};
     problems.add(value.empty() ? where : shift(to_location(error.source(), where.file)),
                  value.empty() ? "the value is missing" : std::string(error.description()), std::string(value),
                  "a value of TOML, or a word");

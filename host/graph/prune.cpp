@@ -14,11 +14,13 @@ namespace {
 /// what it makes anew see nothing, and callers lose it as a provider.
 void detach(ResolvedGraph& graph, PassIndex gone) {
   const auto replace = [&](ResourceIndex resource) {
-    while (resource != kNoIndex && graph.resources[resource].producer == gone) resource = graph.resources[resource].previous_version;
+    while (resource != kNoIndex && graph.resources[resource].producer == gone)
+      resource = graph.resources[resource].previous_version;
     return resource;
   };
   for (Resource& resource : graph.resources)
-    if (resource.previous_version != kNoIndex && resource.producer != gone) resource.previous_version = replace(resource.previous_version);
+    if (resource.previous_version != kNoIndex && resource.producer != gone)
+      resource.previous_version = replace(resource.previous_version);
   for (PassIndex p = 0; p < graph.passes.size(); ++p) {
     if (p == gone) continue;
     Pass& pass = graph.passes[p];
@@ -43,10 +45,12 @@ std::string reason_for(const ResolvedGraph& graph, PassIndex made, PassIndex use
   const Pass& pass = graph.passes[user];
   for (const auto* ports : {&pass.ports, &pass.inout_sources})
     for (const auto& [name, resource] : *ports)
-      if (graph.resources[resource].producer == made) return fmt::format("makes '{}' for '{}'", graph.resources[resource].name, pass.name);
+      if (graph.resources[resource].producer == made)
+        return fmt::format("makes '{}' for '{}'", graph.resources[resource].name, pass.name);
   const std::vector<std::string> calls = all_calls(*pass.entry.technique);
   for (const FunctionBinding& binding : pass.functions)
-    if (std::ranges::find(binding.providers, made) != binding.providers.end()) return fmt::format("answers '{}' for '{}'", binding.role, pass.name);
+    if (std::ranges::find(binding.providers, made) != binding.providers.end())
+      return fmt::format("answers '{}' for '{}'", binding.role, pass.name);
   for (const auto& use : function_uses(graph, user, calls))
     if (graph.resources[use.resource].producer == made)
       return fmt::format("makes '{}' for functions that '{}' calls", graph.resources[use.resource].name, pass.name);
@@ -64,7 +68,8 @@ std::string why_dropped(const ResolvedGraph& graph, PassIndex dropped) {
   std::string users;
   for (PassIndex p = 0; p < graph.passes.size(); ++p) {
     const auto& dependencies = graph.passes[p].dependencies;
-    if (std::ranges::find(dependencies, dropped) != dependencies.end()) users += fmt::format("{}'{}'", users.empty() ? "" : ", ", graph.passes[p].name);
+    if (std::ranges::find(dependencies, dropped) != dependencies.end())
+      users += fmt::format("{}'{}'", users.empty() ? "" : ", ", graph.passes[p].name);
   }
   if (!users.empty()) return fmt::format("only {} would use it, and nobody asks for that", users);
   const std::string outputs = outputs_of(graph, dropped);
@@ -86,10 +91,14 @@ void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::spa
     if (missing.empty()) continue;
     pass.reason = fmt::format("the scene has no '{}'", missing);
     if (graph.output != kNoIndex && graph.resources[graph.output].producer == p)
-      throw Error(HEDDLE_BAD_INPUT,
-                  Diagnostic{Severity::kError, pass.where,
-                             fmt::format("pass '{}' makes the graph's output, but the scene has nothing for it", pass.name),
-                             {}, fmt::format("a scene with '{}'", missing), {}});
+      throw Error(
+          HEDDLE_BAD_INPUT,
+          Diagnostic{Severity::kError,
+                     pass.where,
+                     fmt::format("pass '{}' makes the graph's output, but the scene has nothing for it", pass.name),
+                     {},
+                     fmt::format("a scene with '{}'", missing),
+                     {}});
     detach(graph, p);
   }
   for (PassIndex p = 0; p < graph.passes.size(); ++p) graph.passes[p].dependencies = find_dependencies(graph, p);
@@ -107,7 +116,8 @@ void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::spa
     const Resource& r = graph.resources[resource];
     if (r.producer == kNoIndex) continue;
     keep(r.producer, [&] {
-      return resource == graph.output ? fmt::format("makes the output '{}'", r.name) : fmt::format("makes '{}', which is asked for", r.name);
+      return resource == graph.output ? fmt::format("makes the output '{}'", r.name)
+                                      : fmt::format("makes '{}', which is asked for", r.name);
     });
   }
   for (std::size_t i = 0; i < open.size(); ++i)
@@ -123,10 +133,13 @@ void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::spa
     for (const Resource& later : graph.resources)
       if (later.previous_version == resource && !graph.passes[later.producer].is_pruned)
         throw Error(HEDDLE_BAD_INPUT,
-                    Diagnostic{Severity::kError, graph.passes[later.producer].where,
+                    Diagnostic{Severity::kError,
+                               graph.passes[later.producer].where,
                                fmt::format("'{}' cannot be read after the frame: pass '{}' changes it in place",
                                            graph.resources[resource].name, graph.passes[later.producer].name),
-                               {}, {}, fmt::format("ask for '{}'", later.name)});
+                               {},
+                               {},
+                               fmt::format("ask for '{}'", later.name)});
   }
 }
 

@@ -9,7 +9,9 @@ namespace {
 
 using Use = ScheduledStage::Use;
 
-constexpr std::uint32_t bit(std::uint32_t access) { return 1U << access; }
+constexpr std::uint32_t bit(std::uint32_t access) {
+  return 1U << access;
+}
 
 constexpr std::uint32_t kSampled =
     bit(HEDDLE_ACCESS_SAMPLED) | bit(HEDDLE_ACCESS_SAMPLED_LINEAR) | bit(HEDDLE_ACCESS_SAMPLED_COMPARE);
@@ -21,8 +23,10 @@ std::uint32_t dominant(std::uint32_t mask, bool writes) {
   if ((mask & ~kSampled) == 0) return HEDDLE_ACCESS_SAMPLED;
   if ((mask & ~(kSampled | bit(HEDDLE_ACCESS_DEPTH_READ))) == 0) return HEDDLE_ACCESS_DEPTH_READ;
   if ((mask & ~(bit(HEDDLE_ACCESS_DEPTH) | bit(HEDDLE_ACCESS_DEPTH_READ))) == 0) return HEDDLE_ACCESS_DEPTH;
-  if ((mask & ~(bit(HEDDLE_ACCESS_TRANSFER_READ) | bit(HEDDLE_ACCESS_HOST_READ))) == 0) return HEDDLE_ACCESS_TRANSFER_READ;
-  if ((mask & ~(bit(HEDDLE_ACCESS_TRANSFER_WRITE) | bit(HEDDLE_ACCESS_HOST_WRITE))) == 0) return HEDDLE_ACCESS_TRANSFER_WRITE;
+  if ((mask & ~(bit(HEDDLE_ACCESS_TRANSFER_READ) | bit(HEDDLE_ACCESS_HOST_READ))) == 0)
+    return HEDDLE_ACCESS_TRANSFER_READ;
+  if ((mask & ~(bit(HEDDLE_ACCESS_TRANSFER_WRITE) | bit(HEDDLE_ACCESS_HOST_WRITE))) == 0)
+    return HEDDLE_ACCESS_TRANSFER_WRITE;
   return writes ? HEDDLE_ACCESS_STORAGE_READ_WRITE : HEDDLE_ACCESS_STORAGE_READ;  // GENERAL
 }
 
@@ -31,7 +35,8 @@ bool writes_value(const Technique& technique, std::uint32_t stage, std::string_v
   const auto touches = [&](const Stage& s) {
     return std::ranges::any_of(s.accesses, [&](const Access& access) { return access.port == port; });
   };
-  const bool has_cpu = std::ranges::any_of(technique.stages, [&](const Stage& s) { return s.kind == StageKind::kCpu && touches(s); });
+  const bool has_cpu =
+      std::ranges::any_of(technique.stages, [&](const Stage& s) { return s.kind == StageKind::kCpu && touches(s); });
   if (has_cpu) return technique.stages[stage].kind == StageKind::kCpu;
   const auto first = std::ranges::find_if(technique.stages, touches);
   return first - technique.stages.begin() == static_cast<std::ptrdiff_t>(stage);
@@ -98,9 +103,11 @@ std::vector<Use> own_uses(const ResolvedGraph& graph, PassIndex index, std::uint
       continue;
     }
     const bool writes = writes_value(technique, stage, access.port);
-    merge_use(uses, make_use(resource, access.access, !writes || technique.stages[stage].kind == StageKind::kGpu, writes));
+    merge_use(uses,
+              make_use(resource, access.access, !writes || technique.stages[stage].kind == StageKind::kGpu, writes));
     const auto source = pass.inout_sources.find(access.port);
-    if (writes && source != pass.inout_sources.end()) merge_use(uses, make_use(source->second, access.access, true, false));
+    if (writes && source != pass.inout_sources.end())
+      merge_use(uses, make_use(source->second, access.access, true, false));
   }
   return uses;
 }
@@ -171,10 +178,10 @@ ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource) 
 }
 
 std::string_view access_name(std::uint32_t access) {
-  constexpr std::array<std::string_view, 15> kNames{"sampled",      "sampled linear", "storage read",   "storage write",
-                                                    "storage read and write", "colour attachment", "depth attachment",
-                                                    "depth test",   "value",          "draw",           "host read",
-                                                    "host write",   "transfer read",  "transfer write", "sampled compare"};
+  constexpr std::array<std::string_view, 15> kNames{
+      "sampled",           "sampled linear",   "storage read",  "storage write",  "storage read and write",
+      "colour attachment", "depth attachment", "depth test",    "value",          "draw",
+      "host read",         "host write",       "transfer read", "transfer write", "sampled compare"};
   return access < kNames.size() ? kNames[access] : "unknown";
 }
 

@@ -25,7 +25,9 @@ std::vector<std::string> all_calls(const Technique& technique);
 std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex pass);
 
 /// True for images and buffers: what has memory, versions in place, and barriers.
-inline bool has_memory(PortType type) { return type == PortType::kImage || type == PortType::kBuffer; }
+inline bool has_memory(PortType type) {
+  return type == PortType::kImage || type == PortType::kBuffer;
+}
 
 /// "HEDDLE_ACCESS_" in words of people: "sampled", "colour", ...
 std::string_view access_name(std::uint32_t access);

@@ -5,7 +5,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
+
+#include "plugin/rules.hpp"
 
 namespace heddle::graph {
 namespace {
@@ -13,13 +14,14 @@ namespace {
 const std::vector<std::string> kGraphKeys{"extends", "extent", "output", "params", "joins", "remove", "pass"};
 const std::vector<std::string> kPassKeys{"name",      "role",   "technique", "params", "inputs",
                                          "functions", "serves", "enabled",   "after",  "before"};
-const std::vector<std::string> kReservedNames{"scene", "none",    "extends", "extent", "output",
+const std::vector<std::string> kReservedNames{"scene",  "none",  "extends", "extent", "output",
                                               "params", "joins", "remove",  "pass"};
 
 using Assignments = std::vector<std::pair<WrittenKey, Written>>;
 
 void put(Assignments& assignments, const WrittenKey& key, Written value) {
-  const auto found = std::ranges::find(assignments, key.name, [](const auto& entry) -> const std::string& { return entry.first.name; });
+  const auto found = std::ranges::find(assignments, key.name,
+                                       [](const auto& entry) -> const std::string& { return entry.first.name; });
   if (found == assignments.end()) {
     assignments.emplace_back(key, std::move(value));
   } else {
@@ -27,7 +29,9 @@ void put(Assignments& assignments, const WrittenKey& key, Written value) {
   }
 }
 
-bool is_string(const Written& written) { return std::holds_alternative<std::string>(written.value); }
+bool is_string(const Written& written) {
+  return std::holds_alternative<std::string>(written.value);
+}
 
 bool is_array_of_strings(const Written& written) {
   const auto* array = std::get_if<std::vector<Written>>(&written.value);
@@ -50,11 +54,13 @@ bool expect(bool is_good, std::string_view label, std::span<const WrittenKey> pa
 }
 
 /// True if the path has exactly the tables' depth of the key; else a problem.
-bool expect_depth(std::span<const WrittenKey> path, std::size_t depth, std::string_view label, std::string_view expected,
-                  Problems& problems) {
+bool expect_depth(std::span<const WrittenKey> path, std::size_t depth, std::string_view label,
+                  std::string_view expected, Problems& problems) {
   if (path.size() == depth) return true;
   const WrittenKey& key = path.size() > depth ? path[depth] : path.back();
-  problems.add(key.where, fmt::format("{}'{}' {}", label, path_text(path), path.size() > depth ? "goes too deep" : "needs a name behind it"),
+  problems.add(key.where,
+               fmt::format("{}'{}' {}", label, path_text(path),
+                           path.size() > depth ? "goes too deep" : "needs a name behind it"),
                {}, std::string(expected));
   return false;
 }
@@ -63,7 +69,8 @@ bool expect_depth(std::span<const WrittenKey> path, std::size_t depth, std::stri
 
 void Problems::add(const Location& where, std::string message, std::string found, std::string expected,
                    std::string help) {
-  list_.push_back({Severity::kError, where, std::move(message), std::move(found), std::move(expected), std::move(help)});
+  list_.push_back(
+      {Severity::kError, where, std::move(message), std::move(found), std::move(expected), std::move(help)});
 }
 
 void Problems::throw_if_any() {
@@ -128,16 +135,12 @@ const std::string& text_of(const Written& written) {
   return text != nullptr ? *text : kEmpty;
 }
 
-bool is_identifier(std::string_view name) {
-  return !name.empty() && std::isalpha(static_cast<unsigned char>(name.front())) != 0 &&
-         std::ranges::all_of(name, [](char c) { return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_'; });
-}
-
 void assign_graph_key(WrittenGraph& graph, std::span<const WrittenKey> path, Written value, Problems& problems) {
   const WrittenKey& key = path.front();
   if (key.name == "extends" || key.name == "output") {
     if (expect_depth(path, 1, {}, "one string", problems) &&
-        expect(is_string(value), {}, path, value, key.name == "output" ? "a string \"pass.port\"" : "the name of a file, as a string", problems))
+        expect(is_string(value), {}, path, value,
+               key.name == "output" ? "a string \"pass.port\"" : "the name of a file, as a string", problems))
       (key.name == "output" ? graph.output : graph.extends) = std::move(value);
   } else if (key.name == "extent") {
     if (expect_depth(path, 1, {}, "[width, height]", problems)) graph.extent = std::move(value);
@@ -162,15 +165,18 @@ void assign_pass_key(WrittenPass& pass, std::span<const WrittenKey> path, Writte
   const WrittenKey& key = path.front();
   const std::string label = text_of(pass.name).empty() ? "" : "pass '" + text_of(pass.name) + "': ";
   const auto is_one_string = [&](std::string_view expected) {
-    return expect_depth(path, 1, label, expected, problems) && expect(is_string(value), label, path, value, expected, problems);
+    return expect_depth(path, 1, label, expected, problems) &&
+           expect(is_string(value), label, path, value, expected, problems);
   };
   if (key.name == "name") {
     if (!is_one_string("a string")) return;
+    // Names of passes become suffixes of names in joined shaders.
     if (!is_identifier(text_of(value))) {
       problems.add(value.where, fmt::format("'{}' cannot name a pass", text_of(value)), "name = " + to_toml(value),
-                   "a letter, then letters, digits and underscores");
+                   "letters, digits and single underscores, no digit first");
     } else if (std::ranges::find(kReservedNames, text_of(value)) != kReservedNames.end()) {
-      problems.add(value.where, fmt::format("'{}' cannot name a pass: the word has a meaning in graphs", text_of(value)),
+      problems.add(value.where,
+                   fmt::format("'{}' cannot name a pass: the word has a meaning in graphs", text_of(value)),
                    "name = " + to_toml(value), "a name other than " + join_names(kReservedNames));
     }
     pass.name = std::move(value);
@@ -181,7 +187,8 @@ void assign_pass_key(WrittenPass& pass, std::span<const WrittenKey> path, Writte
   } else if (key.name == "technique") {
     if (is_one_string("the name of a technique, or \"none\"")) change_technique(pass, std::move(value));
   } else if (key.name == "after" || key.name == "before") {
-    if (is_one_string("the name of a pass, as a string")) (key.name == "after" ? pass.after : pass.before) = std::move(value);
+    if (is_one_string("the name of a pass, as a string"))
+      (key.name == "after" ? pass.after : pass.before) = std::move(value);
   } else if (key.name == "enabled") {
     if (expect_depth(path, 1, label, "true or false", problems) &&
         expect(std::holds_alternative<bool>(value.value), label, path, value, "true or false", problems))
@@ -195,18 +202,22 @@ void assign_pass_key(WrittenPass& pass, std::span<const WrittenKey> path, Writte
   } else if (key.name == "params") {
     if (expect_depth(path, 2, label, "params.NAME = value", problems)) put(pass.params, path[1], std::move(value));
   } else if (key.name == "inputs") {
-    constexpr std::string_view kExpected = "\"pass.port\", \"scene.camera\", \"scene.lights\", \"scene.surfaces\" or \"none\"";
+    constexpr std::string_view kExpected =
+        "\"pass.port\", \"scene.camera\", \"scene.lights\", \"scene.surfaces\" or \"none\"";
     if (expect_depth(path, 2, label, "inputs.PORT = \"pass.port\"", problems) &&
         expect(is_string(value), label, path, value, kExpected, problems))
       put(pass.inputs, path[1], std::move(value));
   } else if (key.name == "functions") {
     if (expect_depth(path, 2, label, "functions.ROLE = [\"pass\", ...]", problems) &&
-        expect(is_array_of_strings(value), label, path, value, "an array of names of passes; [] for the neutral answer", problems))
+        expect(is_array_of_strings(value), label, path, value, "an array of names of passes; [] for the neutral answer",
+               problems))
       put(pass.functions, path[1], std::move(value));
   } else {
     const bool is_graph_key = std::ranges::find(kGraphKeys, key.name) != kGraphKeys.end();
-    problems.add(key.where, fmt::format("{}a pass has no key '{}'", label, key.name), {}, "one of " + join_names(kPassKeys),
-                 is_graph_key ? "it is a key of the graph: it goes above the first [[pass]]" : did_you_mean(key.name, kPassKeys));
+    problems.add(key.where, fmt::format("{}a pass has no key '{}'", label, key.name), {},
+                 "one of " + join_names(kPassKeys),
+                 is_graph_key ? "it is a key of the graph: it goes above the first [[pass]]"
+                              : did_you_mean(key.name, kPassKeys));
   }
 }
 

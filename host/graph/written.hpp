@@ -31,8 +31,6 @@ std::string to_toml(const Written& written);
 std::string_view type_name(const Written& written);
 /// The text of a string value, "" of everything else (also of what was not written).
 const std::string& text_of(const Written& written);
-/// Letters, digits and underscores, a letter first: the host uses names of passes as suffixes in shaders.
-bool is_identifier(std::string_view name);
 
 /// Parses one TOML value that starts at `where`; a bare word that is no TOML value is a string. Adds problems.
 std::optional<Written> parse_value(std::string_view text, const Location& where, Problems& problems);
