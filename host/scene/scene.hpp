@@ -68,8 +68,8 @@ class Scene {
   std::vector<Camera> cameras;
   std::uint32_t camera = HEDDLE_NONE;  // in use
 
-  /// A new number when meshes, materials, textures or the list of instances change / when instances only move. No two
-  /// scenes of a process share a number, unless one is a copy of the other, so caches need no other key.
+  /// Counted up when meshes, materials, textures or the list of instances change / when instances only move. Every
+  /// scene of a process starts far from all others, so caches need no other key.
   std::uint64_t content_revision = new_revision();
   std::uint64_t motion_revision = new_revision();
 
@@ -77,17 +77,6 @@ class Scene {
   std::vector<std::string> warnings;
   std::vector<std::string> ignored_extensions;
 
-  // What the C API adds and changes. Each checks everything first and throws Error(HEDDLE_BAD_INPUT) that names what is
-  // wrong; then the scene is as before. Ids are indices.
-  std::uint32_t add_texture(std::string_view name, const heddle_texture& texture);
-  std::uint32_t add_material(std::string_view name, const heddle_material& material);
-  std::uint32_t add_mesh(std::string_view name, const heddle_mesh& mesh, std::uint32_t material);
-  std::uint32_t add_instance(std::string_view name, std::uint32_t mesh, std::span<const double, 16> scene_from_object);
-  std::uint32_t add_light(std::string_view name, const heddle_light& light);
-  std::uint32_t add_camera(std::string_view name, const heddle_camera& camera);
-  void set_instance(std::uint32_t id, std::span<const double, 16> scene_from_object);
-  void set_camera(std::uint32_t id, const heddle_camera& camera);
-  void use_camera(std::uint32_t id);
   /// After a frame: what moved has arrived, so the next frame's previous places are this one's. True if anything had
   /// moved (then motion_revision is new).
   bool settle();

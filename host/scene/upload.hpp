@@ -46,6 +46,9 @@ class SceneBuffers {
   struct State;
   std::unique_ptr<State> state_;
 };
+/// HEDDLE_SURFACE_* of what a material covers. Blended surfaces cast no shadow: a map cannot tell how much light
+/// passes.
+std::uint32_t surface_flags(const HeddleMaterial& material);
 /// Layout of set 2, fragment stage.
 VkDescriptorSetLayout make_materials_layout(vulkan::Device& device);
 
@@ -53,6 +56,8 @@ VkDescriptorSetLayout make_materials_layout(vulkan::Device& device);
 class Snapshot {
  public:
   const heddle_snapshot& update(const Scene& scene);
+  /// For snapshots of this class alone, by the pointer that update() gave. Barycentric (u, v) weigh the second and
+  /// third corner; textures are filtered bilinearly at their finest level.
   [[nodiscard]] heddle_alpha_test alpha_test() const;
 
  private:

@@ -1,0 +1,288 @@
+// SPDX-License-Identifier: Apache-2.0
+// glTF primitives -> posed triangle lists.
+#include "scene/gltf_meshes.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace heddle::scene::gltf {
+namespace {
+
+/// Corners in the order of drawing -> a triangle list with the winding of the mode.
+std::vector<std::uint32_t> to_triangles(const Document& document, int mode, std::vector<std::uint32_t> corners,
+                                        std::string_view what) {
+  const std::size_t count = corners.size();
+  if (mode == TINYGLTF_MODE_TRIANGLES) {
+    if (count % 3 != 0) {
+      document.fail(fmt::format("{}: a triangle is incomplete", what), fmt::format("{} indices", count),
+                    "a multiple of three");
+    }
+    return corners;
+  }
+  std::vector<std::uint32_t> triangles;
+  triangles.reserve(count < 3 ? 0 : (count - 2) * 3);
+  for (std::size_t i = 0; i + 2 < count; ++i) {
+    std::array<std::uint32_t, 3> triangle = {corners[i], corners[i + 1], corners[i + 2]};
+    if (mode == TINYGLTF_MODE_TRIANGLE_FAN) {
+      triangle = {corners[i + 1], corners[i + 2], corners[0]};
+    } else if (i % 2 == 1) {
+      triangle = {corners[i], corners[i + 2], corners[i + 1]};
+    }
+    // Strips are joined by triangles without area.
+    if (triangle[0] != triangle[1] && triangle[1] != triangle[2] && triangle[0] != triangle[2]) {
+      triangles.insert(triangles.end(), triangle.begin(), triangle.end());
+    }
+  }
+  return triangles;
+}
+
+class PrimitiveReader {
+ public:
+  PrimitiveReader(const Document& document, const tinygltf::Primitive& source, std::string what)
+      : document_(document), source_(source), what_(std::move(what)) {}
+
+  [[nodiscard]] const std::string& what() const { return what_; }
+  [[nodiscard]] int accessor(const std::string& attribute) const {
+    const auto found = source_.attributes.find(attribute);
+    return found == source_.attributes.end() ? -1 : found->second;
+  }
+  [[nodiscard]] std::string name(const std::string& attribute) const { return attribute + " of " + what_; }
+
+  /// An attribute, empty if absent; every attribute has as many elements as there are positions.
+  template <typename Vector>
+  std::vector<Vector> read(const std::string& attribute, std::size_t vertices) const {
+    const int index = accessor(attribute);
+    if (index < 0) {
+      return {};
+    }
+    std::vector<Vector> values = read_vectors<Vector>(document_, index, name(attribute));
+    check_count(attribute, values.size(), vertices);
+    return values;
+  }
+
+  /// Three or four components; alpha is 1 where it is absent.
+  std::vector<glm::vec4> read_colors(std::size_t vertices) const {
+    const int index = accessor("COLOR_0");
+    if (index < 0) {
+      return {};
+    }
+    const auto& accessors = document_.model.accessors;
+    const bool has_alpha = static_cast<std::size_t>(index) >= accessors.size() ||
+                           accessors[static_cast<std::size_t>(index)].type != TINYGLTF_TYPE_VEC3;
+    if (has_alpha) {
+      return read<glm::vec4>("COLOR_0", vertices);
+    }
+    const std::vector<glm::vec3> values = read<glm::vec3>("COLOR_0", vertices);
+    std::vector<glm::vec4> colors(values.size());
+    std::transform(values.begin(), values.end(), colors.begin(),
+                   [](const glm::vec3& rgb) { return glm::vec4(rgb, 1.0F); });
+    return colors;
+  }
+
+  void check_count(const std::string& attribute, std::size_t count, std::size_t vertices) const {
+    if (count != vertices) {
+      document_.fail(fmt::format("{}: there are more or fewer than positions", name(attribute)),
+                     fmt::format("{}", count), fmt::format("{}", vertices));
+    }
+  }
+
+  Influence read_influence(std::size_t vertices) const {
+    Influence influence;
+    for (int set = 0; accessor(fmt::format("JOINTS_{}", set)) >= 0; ++set) {
+      const std::string joints_name = fmt::format("JOINTS_{}", set), weights_name = fmt::format("WEIGHTS_{}", set);
+      if (accessor(weights_name) < 0) {
+        document_.fail(fmt::format("{}: {} has no {}", what_, joints_name, weights_name));
+      }
+      const auto joints = read_unsigned(document_, accessor(joints_name), 4, name(joints_name));
+      const auto weights = read_floats(document_, accessor(weights_name), 4, name(weights_name));
+      check_count(joints_name, joints.size() / 4, vertices);
+      check_count(weights_name, weights.size() / 4, vertices);
+      append(influence, joints, weights, vertices);
+    }
+    return influence;
+  }
+
+ private:
+  static void append(Influence& influence, const std::vector<std::uint32_t>& joints, const std::vector<float>& weights,
+                     std::size_t vertices) {
+    const std::size_t before = influence.per_vertex;
+    Influence merged;
+    merged.per_vertex = before + 4;
+    for (std::size_t vertex = 0; vertex < vertices; ++vertex) {
+      for (std::size_t i = 0; i < merged.per_vertex; ++i) {
+        const bool is_old = i < before;
+        const std::size_t from = is_old ? vertex * before + i : vertex * 4 + i - before;
+        merged.joints.push_back(is_old ? influence.joints[from] : joints[from]);
+        merged.weights.push_back(is_old ? influence.weights[from] : weights[from]);
+      }
+    }
+    influence = std::move(merged);
+  }
+
+  const Document& document_;
+  const tinygltf::Primitive& source_;
+  std::string what_;
+};
+
+/// Adds weighted differences of a morph target to positions, normals and tangents.
+void apply_morph(const Document& document, const std::map<std::string, int>& target, float weight,
+                 std::string_view what, Attributes& attributes) {
+  const auto add = [&](const char* name, auto& values) {
+    const auto found = target.find(name);
+    if (found == target.end() || values.empty()) {
+      return;
+    }
+    const std::string described = fmt::format("morph target's {} of {}", name, what);
+    const std::vector<glm::vec3> differences = read_vectors<glm::vec3>(document, found->second, described);
+    if (differences.size() != values.size()) {
+      document.fail(fmt::format("{}: there are more or fewer than positions", described),
+                    fmt::format("{}", differences.size()), fmt::format("{}", values.size()));
+    }
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      for (int c = 0; c < 3; ++c) {
+        values[i][c] += weight * differences[i][c];
+      }
+    }
+  };
+  add("POSITION", attributes.positions);
+  add("NORMAL", attributes.normals);
+  add("TANGENT", attributes.tangents);
+}
+
+}  // namespace
+
+std::optional<Primitive> read_primitive(Document& document, std::size_t mesh, std::size_t index,
+                                        std::span<const double> morph_weights) {
+  const tinygltf::Mesh& owner = document.model.meshes.at(mesh);
+  const tinygltf::Primitive& source = owner.primitives.at(index);
+  const PrimitiveReader reader(document, source, fmt::format("primitive {} of mesh {} '{}'", index, mesh, owner.name));
+  if (source.mode < TINYGLTF_MODE_POINTS || source.mode > TINYGLTF_MODE_TRIANGLE_FAN) {
+    document.fail(fmt::format("{} has an unknown mode", reader.what()), fmt::format("{}", source.mode), "0 to 6");
+  }
+  if (source.mode < TINYGLTF_MODE_TRIANGLES) {
+    document.warn(fmt::format("{} is made of {}, which are not drawn", reader.what(),
+                              source.mode == TINYGLTF_MODE_POINTS ? "points" : "lines"));
+    return std::nullopt;
+  }
+  if (reader.accessor("POSITION") < 0) {
+    document.warn(fmt::format("{} has no positions and is not drawn", reader.what()));
+    return std::nullopt;
+  }
+
+  Primitive primitive;
+  Attributes& attributes = primitive.attributes;
+  attributes.positions = read_vectors<glm::vec3>(document, reader.accessor("POSITION"), reader.name("POSITION"));
+  const std::size_t vertices = attributes.positions.size();
+  attributes.normals = reader.read<glm::vec3>("NORMAL", vertices);
+  attributes.tangents = reader.read<glm::vec4>("TANGENT", vertices);
+  attributes.uvs[0] = reader.read<glm::vec2>("TEXCOORD_0", vertices);
+  attributes.uvs[1] = reader.read<glm::vec2>("TEXCOORD_1", vertices);
+  attributes.colors = reader.read_colors(vertices);
+  primitive.influence = reader.read_influence(vertices);
+
+  std::vector<std::uint32_t> corners;
+  if (source.indices >= 0) {
+    corners = read_unsigned(document, source.indices, 1, "indices of " + reader.what());
+    const auto bad = std::find_if(corners.begin(), corners.end(), [&](std::uint32_t i) { return i >= vertices; });
+    if (bad != corners.end()) {
+      document.fail(fmt::format("{}: an index is out of range", reader.what()),
+                    fmt::format("{} at {}", *bad, bad - corners.begin()), fmt::format("less than {}", vertices));
+    }
+  } else {
+    corners.resize(vertices);
+    for (std::size_t i = 0; i < vertices; ++i) {
+      corners[i] = static_cast<std::uint32_t>(i);
+    }
+  }
+  attributes.indices = to_triangles(document, source.mode, std::move(corners), reader.what());
+
+  for (std::size_t i = 0; i < std::min(morph_weights.size(), source.targets.size()); ++i) {
+    if (morph_weights[i] != 0.0) {
+      apply_morph(document, source.targets[i], static_cast<float>(morph_weights[i]), reader.what(), attributes);
+    }
+  }
+  return primitive;
+}
+
+std::vector<glm::dmat4> joint_matrices(const Document& document, int index,
+                                       std::span<const glm::dmat4> scene_from_node) {
+  const tinygltf::Model& model = document.model;
+  if (index < 0 || static_cast<std::size_t>(index) >= model.skins.size()) {
+    document.fail(fmt::format("there is no skin {}", index), fmt::format("{} skins", model.skins.size()));
+  }
+  const tinygltf::Skin& skin = model.skins[static_cast<std::size_t>(index)];
+  std::vector<glm::dmat4> matrices(skin.joints.size(), glm::dmat4(1.0));
+  if (skin.inverseBindMatrices >= 0) {
+    const std::string what = fmt::format("inverse bind matrices of skin {} '{}'", index, skin.name);
+    const std::vector<float> values = read_floats(document, skin.inverseBindMatrices, 16, what);
+    if (values.size() < matrices.size() * 16) {
+      document.fail(fmt::format("{}: there are fewer than joints", what), fmt::format("{}", values.size() / 16),
+                    fmt::format("{}", matrices.size()));
+    }
+    for (std::size_t i = 0; i < matrices.size() * 16; ++i) {
+      const auto element = static_cast<int>(i % 16);
+      matrices[i / 16][element / 4][element % 4] = values[i];
+    }
+  }
+  for (std::size_t i = 0; i < skin.joints.size(); ++i) {
+    const int node = skin.joints[i];
+    if (node < 0 || static_cast<std::size_t>(node) >= scene_from_node.size()) {
+      document.fail(fmt::format("joint {} of skin {} is node {}, which does not exist", i, index, node),
+                    fmt::format("{} nodes", scene_from_node.size()));
+    }
+    matrices[i] = scene_from_node[static_cast<std::size_t>(node)] * matrices[i];
+  }
+  return matrices;
+}
+
+void apply_skin(const Document& document, std::span<const glm::dmat4> joints, const glm::dvec3& origin,
+                Primitive& primitive) {
+  Attributes& attributes = primitive.attributes;
+  const Influence& influence = primitive.influence;
+  std::vector<std::uint8_t> is_mirrored(attributes.positions.size(), 0);
+  for (std::size_t vertex = 0; vertex < attributes.positions.size(); ++vertex) {
+    glm::dmat4 blended(0.0);
+    double sum = 0;
+    for (std::size_t i = 0; i < influence.per_vertex; ++i) {
+      const double weight = influence.weights[vertex * influence.per_vertex + i];
+      const std::uint32_t joint = influence.joints[vertex * influence.per_vertex + i];
+      if (weight == 0) {
+        continue;
+      }
+      if (joint >= joints.size()) {
+        document.fail("a vertex of a skinned mesh names a joint that does not exist", fmt::format("{}", joint),
+                      fmt::format("less than {}", joints.size()));
+      }
+      blended += joints[joint] * weight;
+      sum += weight;
+    }
+    // Weights of 8 bits do not sum to 1 exactly; a vertex without any follows the first joint.
+    blended = sum > 0 ? blended / sum : joints.front();
+    const glm::dvec3 position(blended * glm::dvec4(attributes.positions[vertex], 1.0));
+    attributes.positions[vertex] = glm::vec3(position - origin);
+    const glm::dmat3 linear(blended);
+    if (!attributes.normals.empty()) {
+      const glm::dvec3 normal = normal_matrix(linear) * glm::dvec3(attributes.normals[vertex]);
+      // Cofactors of small scales underflow in float32: the direction is what counts.
+      const double length = glm::length(normal);
+      attributes.normals[vertex] = length > 0 ? glm::vec3(normal / length) : attributes.normals[vertex];
+    }
+    is_mirrored[vertex] = glm::determinant(linear) < 0 ? 1 : 0;
+    if (!attributes.tangents.empty()) {
+      const glm::dvec3 tangent = linear * glm::dvec3(attributes.tangents[vertex]);
+      const double length = glm::length(tangent);
+      const float turn = is_mirrored[vertex] != 0 ? -attributes.tangents[vertex].w : attributes.tangents[vertex].w;
+      attributes.tangents[vertex] =
+          length > 0 ? glm::vec4(glm::vec3(tangent / length), turn) : attributes.tangents[vertex];
+    }
+  }
+  // Mirroring joints turn triangles over; the list is in scene axes, so its winding has to say front.
+  for (std::size_t i = 0; i + 2 < attributes.indices.size(); i += 3) {
+    if (is_mirrored[attributes.indices[i]] != 0) {
+      std::swap(attributes.indices[i + 1], attributes.indices[i + 2]);
+    }
+  }
+}
+
+}  // namespace heddle::scene::gltf

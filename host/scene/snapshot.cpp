@@ -1,0 +1,213 @@
+// SPDX-License-Identifier: Apache-2.0
+// All instances -> one list of triangles in host memory, with what the alpha test of masked surfaces needs.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <type_traits>
+
+#include "scene/geometry.hpp"
+#include "scene/upload.hpp"
+
+namespace heddle::scene {
+namespace {
+
+/// Alpha of one masked material, copied, so that the snapshot outlives changes of the scene.
+struct AlphaLook {
+  float alpha = 1, cutoff = 0.5F;
+  std::uint32_t uv_set = 0;
+  std::array<float, 4> uv_matrix{1, 0, 0, 1};
+  std::array<float, 2> uv_offset{0, 0};
+  std::array<std::uint32_t, 2> wrap{0, 0};
+  std::int64_t width = 0, height = 0;  // 0: no texture
+  std::vector<std::uint8_t> texels;    // alpha alone
+};
+
+/// The alpha test is given the snapshot alone and finds the rest behind it, so it comes first.
+struct SnapshotData {
+  heddle_snapshot record{};
+  std::vector<float> positions, normals, uvs;
+  std::vector<std::array<float, 2>> uv1;  // as many as vertices if a masked texture uses them, else none
+  std::vector<std::uint8_t> vertex_alpha;
+  std::vector<std::uint32_t> indices, materials, flags;
+  std::vector<AlphaLook> looks;
+  std::vector<std::uint32_t> look_of;  // by material; HEDDLE_NONE: no holes
+  std::uint64_t content_revision = 0, motion_revision = 0;
+};
+static_assert(std::is_standard_layout_v<SnapshotData>);
+
+std::int64_t wrapped(std::int64_t texel, std::int64_t size, std::uint32_t mode) {
+  if (mode == 2) {
+    return std::clamp<std::int64_t>(texel, 0, size - 1);
+  }
+  const std::int64_t period = mode == 1 ? 2 * size : size;
+  const std::int64_t place = ((texel % period) + period) % period;
+  return place < size ? place : period - 1 - place;
+}
+
+/// Bilinear, at the finest level, as a GPU filters: texel centres at halves.
+float sample_alpha(const AlphaLook& look, float u, float v) {
+  // Beyond this, coordinates in float32 say nothing about texels any more.
+  constexpr float kLimit = 1e6F;
+  const double x = static_cast<double>(std::clamp(u, -kLimit, kLimit)) * static_cast<double>(look.width) - 0.5;
+  const double y = static_cast<double>(std::clamp(v, -kLimit, kLimit)) * static_cast<double>(look.height) - 0.5;
+  const double x0 = std::floor(x), y0 = std::floor(y);
+  const auto texel = [&](double column, double row) {
+    const std::int64_t i = wrapped(static_cast<std::int64_t>(column), look.width, look.wrap[0]);
+    const std::int64_t j = wrapped(static_cast<std::int64_t>(row), look.height, look.wrap[1]);
+    return static_cast<double>(look.texels[static_cast<std::size_t>(j * look.width + i)]) / 255.0;
+  };
+  const double fx = x - x0, fy = y - y0;
+  const double top = texel(x0, y0) * (1 - fx) + texel(x0 + 1, y0) * fx;
+  const double bottom = texel(x0, y0 + 1) * (1 - fx) + texel(x0 + 1, y0 + 1) * fx;
+  return static_cast<float>(top * (1 - fy) + bottom * fy);
+}
+
+std::uint32_t test_alpha(const heddle_snapshot* snapshot, std::uint32_t triangle, float u, float v) {
+  const auto& data = *reinterpret_cast<const SnapshotData*>(snapshot);
+  if (triangle >= data.record.triangle_count) {
+    return 1;
+  }
+  const std::uint32_t index = data.look_of[data.materials[triangle]];
+  if (index == HEDDLE_NONE) {
+    return 1;
+  }
+  const AlphaLook& look = data.looks[index];
+  const std::uint32_t* corners = &data.indices[std::size_t{triangle} * 3];
+  const std::array<float, 3> weights = {1.0F - u - v, u, v};
+  float uv[2] = {0, 0}, vertex_alpha = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::size_t vertex = corners[k];
+    const float* at = look.uv_set == 1 ? data.uv1[vertex].data() : &data.uvs[vertex * 2];
+    uv[0] += weights[k] * at[0];
+    uv[1] += weights[k] * at[1];
+    vertex_alpha += weights[k] * static_cast<float>(data.vertex_alpha[vertex]) / 255.0F;
+  }
+  float alpha = look.alpha * vertex_alpha;
+  if (look.width > 0) {
+    alpha *= sample_alpha(look, look.uv_matrix[0] * uv[0] + look.uv_matrix[2] * uv[1] + look.uv_offset[0],
+                          look.uv_matrix[1] * uv[0] + look.uv_matrix[3] * uv[1] + look.uv_offset[1]);
+  }
+  return alpha >= look.cutoff ? 1 : 0;
+}
+
+AlphaLook look_of(const Scene& scene, const Material& material) {
+  AlphaLook look;
+  const HeddleMaterial& record = material.record;
+  look.alpha = record.base_color[3];
+  look.cutoff = record.alpha_cutoff;
+  look.uv_set = (record.texture_uv_sets >> HEDDLE_TEXTURE_BASE_COLOR) & 1U;
+  std::copy(std::begin(record.uv_rotation_scale), std::end(record.uv_rotation_scale), look.uv_matrix.begin());
+  std::copy(std::begin(record.uv_offset), std::end(record.uv_offset), look.uv_offset.begin());
+  if (const std::uint32_t index = material.textures[HEDDLE_TEXTURE_BASE_COLOR]; index != HEDDLE_NONE) {
+    const Texture& texture = scene.textures.at(index);
+    look.wrap = texture.wrap;
+    look.width = texture.width;
+    look.height = texture.height;
+    look.texels.resize(std::size_t{texture.width} * texture.height);
+    for (std::size_t i = 0; i < look.texels.size(); ++i) {
+      look.texels[i] = texture.rgba[i * 4 + 3];
+    }
+  }
+  return look;
+}
+
+void add_instance(const Scene& scene, const Instance& instance, const glm::dvec3& origin, SnapshotData& data) {
+  const Mesh& mesh = scene.meshes.at(instance.mesh);
+  const Material& material = scene.materials.at(mesh.material);
+  const glm::dmat4& matrix = instance.scene_from_object;
+  const glm::dmat3 linear(matrix);
+  const glm::dmat3 normals = normal_matrix(linear);
+  const glm::dvec3 translation = glm::dvec3(matrix[3]) - origin;
+  const auto first = static_cast<std::uint32_t>(data.positions.size() / 3);
+  for (const HeddleVertex& vertex : mesh.vertices) {
+    const glm::dvec3 position =
+        linear * glm::dvec3(vertex.position[0], vertex.position[1], vertex.position[2]) + translation;
+    const glm::dvec3 given(vertex.normal[0], vertex.normal[1], vertex.normal[2]);
+    const glm::dvec3 turned = normals * given;
+    const double length = glm::length(turned);
+    const glm::dvec3 normal = length > 0 ? turned / length : given;
+    for (int i = 0; i < 3; ++i) {
+      data.positions.push_back(static_cast<float>(position[i]));
+      data.normals.push_back(static_cast<float>(normal[i]));
+    }
+    data.uvs.push_back(vertex.u0);
+    data.uvs.push_back(vertex.v0);
+    data.uv1.push_back({vertex.u1, vertex.v1});
+    data.vertex_alpha.push_back(static_cast<std::uint8_t>(vertex.color >> 24));
+  }
+  const bool is_mirrored = glm::determinant(linear) < 0;
+  for (std::size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
+    // Corners of front faces run counter-clockwise also where the transform mirrors.
+    data.indices.push_back(first + mesh.indices[i]);
+    data.indices.push_back(first + mesh.indices[is_mirrored ? i + 2 : i + 1]);
+    data.indices.push_back(first + mesh.indices[is_mirrored ? i + 1 : i + 2]);
+    data.materials.push_back(mesh.material);
+    data.flags.push_back(surface_flags(material.record));
+  }
+}
+
+}  // namespace
+
+struct Snapshot::State : SnapshotData {};
+
+const heddle_snapshot& Snapshot::update(const Scene& scene) {
+  if (state_ && state_->content_revision == scene.content_revision &&
+      state_->motion_revision == scene.motion_revision) {
+    return state_->record;
+  }
+  std::size_t vertices = 0, triangles = 0;
+  for (const Instance& instance : scene.instances) {
+    vertices += scene.meshes.at(instance.mesh).vertices.size();
+    triangles += scene.meshes.at(instance.mesh).indices.size() / 3;
+  }
+  if (std::max(vertices, triangles) > std::numeric_limits<std::uint32_t>::max()) {
+    throw Error(HEDDLE_UNSUPPORTED, fmt::format("a snapshot of {} vertices and {} triangles is too large: at most 2^32",
+                                                vertices, triangles));
+  }
+  auto state = std::make_shared<State>();
+  SnapshotData& data = *state;
+  data.positions.reserve(vertices * 3);
+  data.normals.reserve(vertices * 3);
+  data.uvs.reserve(vertices * 2);
+  data.indices.reserve(triangles * 3);
+  for (const Material& material : scene.materials) {
+    data.look_of.push_back(HEDDLE_NONE);
+    if (material.record.alpha_mode == HEDDLE_ALPHA_MASK) {
+      data.look_of.back() = static_cast<std::uint32_t>(data.looks.size());
+      data.looks.push_back(look_of(scene, material));
+    }
+  }
+  const std::array<glm::dvec3, 2> bounds = scene.bounds();
+  const glm::dvec3 origin = 0.5 * (bounds[0] + bounds[1]);
+  for (const Instance& instance : scene.instances) {
+    add_instance(scene, instance, origin, data);
+  }
+  if (std::none_of(data.looks.begin(), data.looks.end(), [](const AlphaLook& look) { return look.uv_set == 1; })) {
+    data.uv1 = {};
+  }
+  data.content_revision = scene.content_revision;
+  data.motion_revision = scene.motion_revision;
+  data.record.struct_size = sizeof data.record;
+  data.record.vertex_count = static_cast<std::uint32_t>(vertices);
+  data.record.triangle_count = static_cast<std::uint32_t>(triangles);
+  for (int i = 0; i < 3; ++i) {
+    data.record.origin[i] = origin[i];
+  }
+  data.record.revision = Scene::new_revision();
+  data.record.positions = data.positions.data();
+  data.record.normals = data.normals.data();
+  data.record.uvs = data.uvs.data();
+  data.record.indices = data.indices.data();
+  data.record.materials = data.materials.data();
+  data.record.flags = data.flags.data();
+  state_ = std::move(state);
+  return state_->record;
+}
+
+heddle_alpha_test Snapshot::alpha_test() const {
+  return test_alpha;
+}
+
+}  // namespace heddle::scene

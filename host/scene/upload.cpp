@@ -1,0 +1,279 @@
+// SPDX-License-Identifier: Apache-2.0
+// A scene -> buffers, texture arrays, descriptor sets and draw lists of one device.
+#include "scene/upload.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <map>
+#include <tuple>
+#include <utility>
+
+#include "scene/texture_groups.hpp"
+
+namespace heddle::scene {
+namespace {
+
+// Buffers of empty scenes are bound too: none is smaller than a cache line.
+constexpr std::size_t kMinimumBytes = 64;
+
+constexpr VkBufferUsageFlags kTransfers = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+
+void store(const glm::dmat4& matrix, const glm::dvec3& origin, float (&out)[16]) {
+  for (int i = 0; i < 16; ++i) {
+    const int column = i / 4, row = i % 4;
+    // The only difference of large numbers, made in float64.
+    const double value = column == 3 && row < 3 ? matrix[column][row] - origin[row] : matrix[column][row];
+    out[i] = static_cast<float>(value) + 0.0F;
+  }
+}
+
+bool is_mirrored(const Instance& instance) {
+  return glm::determinant(glm::dmat3(instance.scene_from_object)) < 0;
+}
+
+/// Places of one mesh in the vertex and index buffers.
+struct MeshRange {
+  std::uint32_t first_index = 0, index_count = 0;
+  std::int32_t vertex_offset = 0;
+};
+
+/// Fills a buffer, made anew if it does not fit exactly: sizes change only with the content.
+template <typename Element>
+void fill(vulkan::Device& device, vulkan::Buffer& buffer, const std::vector<Element>& elements,
+          VkBufferUsageFlags usage) {
+  const std::span<const std::byte> bytes = std::as_bytes(std::span(elements));
+  const std::size_t size = std::max(bytes.size(), kMinimumBytes);
+  if (!buffer || buffer.size() != size) {
+    buffer = vulkan::Buffer();
+    buffer = device.make_buffer(size, usage | kTransfers, false);
+  }
+  if (bytes.size() < kMinimumBytes) {
+    std::array<std::byte, kMinimumBytes> padded{};
+    std::copy(bytes.begin(), bytes.end(), padded.begin());
+    device.upload(buffer, 0, padded);
+  } else {
+    device.upload(buffer, 0, bytes);
+  }
+}
+
+}  // namespace
+
+struct SceneBuffers::State {
+  State(vulkan::Device& used, VkDescriptorSetLayout layout) : device(used), textures(used, layout) {}
+
+  vulkan::Device& device;
+  TextureGroups textures;
+  vulkan::Buffer vertices, indices, instances, materials, commands;
+  std::vector<DrawGroup> groups;
+  std::vector<MeshRange> meshes;
+  std::vector<std::uint32_t> order;     // scene's instances in draw order
+  std::vector<std::uint8_t> flips;      // by scene's instance
+  std::vector<HeddleMaterial> records;  // as uploaded
+  std::uint64_t content_revision = 0, motion_revision = 0;
+  glm::dvec3 origin{0.0};
+
+  void upload_meshes(const Scene& scene);
+  void upload_materials(const Scene& scene);
+  void sort_draws(const Scene& scene);
+  void upload_instances(const Scene& scene);
+};
+
+void SceneBuffers::State::upload_meshes(const Scene& scene) {
+  std::vector<HeddleVertex> all_vertices;
+  std::vector<std::uint32_t> all_indices;
+  meshes.clear();
+  for (const Mesh& mesh : scene.meshes) {
+    MeshRange range;
+    range.first_index = static_cast<std::uint32_t>(all_indices.size());
+    range.index_count = static_cast<std::uint32_t>(mesh.indices.size());
+    range.vertex_offset = static_cast<std::int32_t>(all_vertices.size());
+    meshes.push_back(range);
+    all_vertices.insert(all_vertices.end(), mesh.vertices.begin(), mesh.vertices.end());
+    all_indices.insert(all_indices.end(), mesh.indices.begin(), mesh.indices.end());
+  }
+  if (all_vertices.size() > 0x7fffffffU || all_indices.size() > 0xffffffffU) {
+    throw Error(HEDDLE_UNSUPPORTED, fmt::format("the scene has {} vertices and {} indices, more than a draw can reach",
+                                                all_vertices.size(), all_indices.size()));
+  }
+  fill(device, vertices, all_vertices, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
+  fill(device, indices, all_indices, VK_BUFFER_USAGE_INDEX_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+}
+
+void SceneBuffers::State::upload_materials(const Scene& scene) {
+  textures.rebuild(scene);
+  records.clear();
+  for (std::size_t i = 0; i < scene.materials.size(); ++i) {
+    HeddleMaterial record = scene.materials[i].record;
+    const TextureGroups::Place& place = textures.place(i);
+    for (std::size_t k = 0; k < 4; ++k) {
+      record.texture_layer[k] = place.layers[k];
+    }
+    record.texture_layer_4 = place.layers[4];
+    record.texture_group = place.group;
+    record.id = static_cast<std::uint32_t>(i);
+    records.push_back(record);
+  }
+  fill(device, materials, records, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+}
+
+/// Instances sorted by what draws must differ in; equal meshes side by side become one command, equal state one group.
+void SceneBuffers::State::sort_draws(const Scene& scene) {
+  struct Key {
+    std::uint32_t flags = 0, flip = 0, texture_group = 0, mesh = 0, instance = 0;
+    [[nodiscard]] auto state() const { return std::tie(flags, flip, texture_group); }
+    [[nodiscard]] auto all() const { return std::tie(flags, flip, texture_group, mesh, instance); }
+  };
+  flips.assign(scene.instances.size(), 0);
+  std::vector<Key> keys;
+  for (std::size_t i = 0; i < scene.instances.size(); ++i) {
+    const Instance& instance = scene.instances[i];
+    flips[i] = is_mirrored(instance) ? 1 : 0;
+    if (meshes.at(instance.mesh).index_count == 0) {
+      continue;
+    }
+    const HeddleMaterial& material = records.at(scene.meshes[instance.mesh].material);
+    keys.push_back(
+        {surface_flags(material), flips[i], material.texture_group, instance.mesh, static_cast<std::uint32_t>(i)});
+  }
+  // Opaque before masked before blended: depth is filled before anything is tested texel by texel.
+  constexpr std::uint32_t kClasses = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_BLENDED;
+  std::sort(keys.begin(), keys.end(), [](const Key& a, const Key& b) {
+    return std::pair(a.flags & kClasses, a.all()) < std::pair(b.flags & kClasses, b.all());
+  });
+
+  groups.clear();
+  order.clear();
+  std::vector<VkDrawIndexedIndirectCommand> list;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const Key& key = keys[i];
+    const bool same_state = i > 0 && keys[i - 1].state() == key.state();
+    if (!same_state) {
+      groups.push_back({key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(list.size()), 0});
+    }
+    if (same_state && keys[i - 1].mesh == key.mesh) {
+      ++list.back().instanceCount;
+    } else {
+      const MeshRange& range = meshes[key.mesh];
+      list.push_back({range.index_count, 1, range.first_index, range.vertex_offset, static_cast<std::uint32_t>(i)});
+      ++groups.back().command_count;
+    }
+    order.push_back(key.instance);
+  }
+  fill(device, commands, list, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+}
+
+void SceneBuffers::State::upload_instances(const Scene& scene) {
+  std::vector<HeddleInstance> list;
+  list.reserve(order.size());
+  for (const std::uint32_t index : order) {
+    const Instance& instance = scene.instances[index];
+    HeddleInstance record{};
+    store(instance.scene_from_object, origin, record.rel_from_object);
+    store(instance.previous_scene_from_object, origin, record.previous_rel_from_object);
+    record.material = scene.meshes[instance.mesh].material;
+    record.object = index;
+    record.flags = surface_flags(records[record.material]);
+    record.flip = flips[index];
+    list.push_back(record);
+  }
+  fill(device, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+}
+
+SceneBuffers::SceneBuffers(vulkan::Device& device, VkDescriptorSetLayout materials_layout)
+    : state_(std::make_unique<State>(device, materials_layout)) {}
+
+SceneBuffers::~SceneBuffers() = default;
+
+void SceneBuffers::update(const Scene& scene, const glm::dvec3& origin) {
+  State& state = *state_;
+  const bool is_new = state.content_revision != scene.content_revision;
+  const bool has_moved = is_new || state.motion_revision != scene.motion_revision;
+  if (!has_moved && state.origin == origin) {
+    return;
+  }
+  // Until all is done the buffers belong to no revision: after an error half way, the next call starts over.
+  state.content_revision = 0;
+  state.origin = origin;
+  if (is_new) {
+    state.upload_meshes(scene);
+    state.upload_materials(scene);
+  }
+  bool is_turned = is_new;
+  for (std::size_t i = 0; has_moved && !is_turned && i < scene.instances.size(); ++i) {
+    is_turned = is_mirrored(scene.instances[i]) != (state.flips[i] != 0);
+  }
+  if (is_turned) {
+    state.sort_draws(scene);
+  }
+  state.upload_instances(scene);
+  state.content_revision = scene.content_revision;
+  state.motion_revision = scene.motion_revision;
+}
+
+const vulkan::Buffer& SceneBuffers::vertices() const {
+  return state_->vertices;
+}
+const vulkan::Buffer& SceneBuffers::indices() const {
+  return state_->indices;
+}
+const vulkan::Buffer& SceneBuffers::instances() const {
+  return state_->instances;
+}
+const vulkan::Buffer& SceneBuffers::materials() const {
+  return state_->materials;
+}
+const vulkan::Buffer& SceneBuffers::commands() const {
+  return state_->commands;
+}
+std::span<const DrawGroup> SceneBuffers::groups() const {
+  return state_->groups;
+}
+VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
+  return state_->textures.set(texture_group);
+}
+
+std::vector<HeddleLight> SceneBuffers::lights(const Scene& scene, const glm::dvec3& origin) {
+  std::vector<HeddleLight> lights;
+  lights.reserve(scene.lights.size());
+  for (const Light& light : scene.lights) {
+    HeddleLight record = light.record;
+    const glm::dvec3 position_rel = light.position - origin;
+    for (int i = 0; i < 3; ++i) {
+      record.position_rel[i] = static_cast<float>(position_rel[i]);
+    }
+    record.id = static_cast<std::uint32_t>(lights.size());
+    lights.push_back(record);
+  }
+  return lights;
+}
+
+std::uint32_t surface_flags(const HeddleMaterial& material) {
+  std::uint32_t flags = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_CASTS_SHADOW;
+  if (material.alpha_mode == HEDDLE_ALPHA_MASK) {
+    flags = HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_CASTS_SHADOW;
+  } else if (material.alpha_mode == HEDDLE_ALPHA_BLEND) {
+    flags = HEDDLE_SURFACE_BLENDED;
+  }
+  return flags | ((material.flags & HEDDLE_MATERIAL_DOUBLE_SIDED) != 0 ? HEDDLE_SURFACE_DOUBLE_SIDED : 0U);
+}
+
+VkDescriptorSetLayout make_materials_layout(vulkan::Device& device) {
+  std::array<VkDescriptorSetLayoutBinding, HEDDLE_TEXTURE_COUNT> bindings{};
+  for (std::uint32_t i = 0; i < bindings.size(); ++i) {
+    bindings[i].binding = i;
+    bindings[i].descriptorType = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
+    bindings[i].descriptorCount = 1;
+    bindings[i].stageFlags = VK_SHADER_STAGE_FRAGMENT_BIT;
+  }
+  VkDescriptorSetLayoutCreateInfo info{};
+  info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
+  info.bindingCount = static_cast<std::uint32_t>(bindings.size());
+  info.pBindings = bindings.data();
+  VkDescriptorSetLayout layout = VK_NULL_HANDLE;
+  const heddle_vulkan& vk = device.table();
+  vulkan::check(vk.CreateDescriptorSetLayout(vk.device, &info, nullptr, &layout), "vkCreateDescriptorSetLayout");
+  return layout;
+}
+
+}  // namespace heddle::scene
