@@ -6,17 +6,13 @@
 //         kernel (xy: taps in texels), atlas (reversed depth, a layer a view)
 // loops   over cascades (<= 4) and taps (<= 64)
 
+#include "normal_offset.glsl"
+
 const uint kLayoutCascades = 1u;  // = views.hpp Layout
 const uint kLayoutSpot = 2u;
 const uint kLayoutCube = 3u;
 const uint kLayoutBox = 4u;
 const uint kVectorsPerView = 6u;
-// A bilinear lookup reads texel centres up to one texel away in x and in y.
-const float kBilinearReach = 1.4142136;
-// Interpolated normals differ from the facets that were drawn: sine of the largest difference that stays free of acne.
-const float kFacetSine = 0.1;
-// Rounding of positions and depths, relative to the distances that went into them: a few float32 steps.
-const float kRoundingSlack = 1e-6;
 // Where the shadow of a directional light begins to fade, as a fraction of `distance`.
 const float kFadeStart = 0.9;
 
@@ -45,13 +41,6 @@ uint cube_face(vec3 direction) {
   if (size.x >= size.y && size.x >= size.z) return direction.x >= 0.0 ? 0u : 1u;
   if (size.y >= size.z) return direction.y >= 0.0 ? 2u : 3u;
   return direction.z >= 0.0 ? 4u : 5u;
-}
-
-// README equation (1): how far along the normal the lookup moves, so that no texel that the filter reads lies in front
-// of the receiver's own plane.
-float normal_offset(float texel_size, float normal_across, float rounding_distance) {
-  float reach = params.filter_radius + kBilinearReach;
-  return 1.02 * reach * texel_size * min(normal_across + kFacetSine, 1.0) + kRoundingSlack * rounding_distance;
 }
 
 float filtered_visibility(uint layer, vec3 ndc) {
@@ -117,8 +106,9 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
   if (layout_kind == kLayoutCube) axis = load_shadow_map_view(slot.x + cube_face(from_light)).axis;
   float along = dot(normal, axis);
   float normal_across = sqrt(max(1.0 - along * along, 0.0));
-  vec3 lookup = position_rel +
-                normal * normal_offset(texel_size, normal_across, length(position_rel) + light_distance);
+  float offset =
+      normal_offset(params.filter_radius, texel_size, normal_across, length(position_rel) + light_distance);
+  vec3 lookup = position_rel + normal * offset;
   if (layout_kind == kLayoutCube) {
     index = slot.x + cube_face(lookup - view.eye_rel);
     view = load_shadow_map_view(index);
