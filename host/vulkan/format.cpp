@@ -117,7 +117,7 @@ std::uint32_t encode_small(float value, SmallFloat type) {
   const std::uint32_t sign = type.has_sign && std::signbit(value) ? 1u << (type.mantissa_bits + 5) : 0u;
   if (std::isnan(value)) {
     const std::uint32_t payload = (std::bit_cast<std::uint32_t>(value) & 0x7fffffu) >> (23 - type.mantissa_bits);
-    return sign | infinity | std::max(payload, 1u << (type.mantissa_bits - 1));
+    return sign | infinity | (payload != 0 ? payload : 1u << (type.mantissa_bits - 1));
   }
   if (!type.has_sign && std::signbit(value)) return 0;
   const float magnitude = std::fabs(value);

@@ -239,13 +239,13 @@ const Candidate& choose(const std::vector<Candidate>& candidates, std::string_vi
 
   std::uint32_t index = 0;
   const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), index);
-  if (error == std::errc() && end == name.data() + name.size() && index < candidates.size()) {
-    return usable(candidates[index]);
-  }
+  const bool is_number = error == std::errc() && end == name.data() + name.size();
+  if (is_number && index < candidates.size()) return usable(candidates[index]);
   const std::string part = lower(name);
   const Candidate* first = nullptr;  // a match that cannot run tells more than "not found"
   for (const Candidate& candidate : candidates) {
-    if (!is_named(candidate, part)) continue;
+    // "4090" is part of a name, but "9" an index that does not exist.
+    if ((is_number && name.size() < 3) || !is_named(candidate, part)) continue;
     if (candidate.info.is_usable) return candidate;
     if (first == nullptr) first = &candidate;
   }
