@@ -44,10 +44,10 @@ class DescriptorReader {
   explicit DescriptorReader(std::string_view library) { where_.file = library; }
 
   Technique read(const heddle_technique& borrowed) {
-    what_ = "technique";
-    const auto source = copy(&borrowed, "technique", HEDDLE_BYTES_TO(heddle_technique, functions));
+    const auto source = copy(&borrowed, "heddle_technique", HEDDLE_BYTES_TO(heddle_technique, functions));
     finish();  // nothing can be said of a structure that is too small
     Technique technique;
+    what_ = "technique";
     technique.id = text(source.id, "id");
     what_ = fmt::format("technique '{}'", technique.id);
     technique.title = text(source.title, "title");

@@ -47,7 +47,7 @@ bool fits_port(std::uint32_t access, PortType type) {
     case PortType::kSurfaces:
       return access == HEDDLE_ACCESS_DRAW || is_host_access(access);
   }
-  return false;
+  return true;  // an unknown type is complained of once, as the port's
 }
 
 bool ends_with_stage(std::string_view file, std::string_view ending) {

@@ -1,0 +1,459 @@
+// SPDX-License-Identifier: Apache-2.0
+// Descriptors: what is copied, and every rule of plugin.h that a broken one meets. Each test breaks one field of a
+// right descriptor and compares the whole message.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+#include <functional>
+
+#include "diagnostics.hpp"
+#include "plugin/rules.hpp"
+#include "plugin/technique.hpp"
+
+namespace heddle {
+namespace {
+
+/// A right descriptor that uses everything, open to be changed.
+struct Example {
+  heddle_port ports[3]{};
+  heddle_parameter parameters[3]{};
+  heddle_access accesses[3]{};
+  heddle_stage stages[2]{};
+  heddle_shader shaders[1]{};
+  heddle_function functions[1]{};
+  const char* choices[3]{"low", "high", nullptr};
+  double ladder[3]{1, 2, 4};
+  heddle_technique technique{};
+
+  Example() {
+    for (heddle_port& port : ports) port.struct_size = sizeof(heddle_port);
+    ports[0].name = "depth";
+    ports[0].flags = HEDDLE_PORT_OPTIONAL;
+    ports[0].help = "distance";
+    ports[1].name = "visibility";
+    ports[1].direction = HEDDLE_OUT;
+    ports[1].flags = HEDDLE_PORT_KEPT;
+    ports[1].format = VK_FORMAT_R32_SFLOAT;
+    ports[1].extent_scale = 0.5F;
+    ports[1].layers = 2;
+    ports[2].name = "table";
+    ports[2].type = HEDDLE_PORT_BUFFER;
+    ports[2].direction = HEDDLE_OUT;
+    ports[2].byte_size = 1ULL << 40U;
+    ports[2].glsl = "float table[];";
+    for (heddle_parameter& parameter : parameters) parameter.struct_size = sizeof(heddle_parameter);
+    parameters[0].name = "radius";
+    parameters[0].unit = "m";
+    parameters[0].minimum = 0;
+    parameters[0].maximum = INFINITY;
+    parameters[0].default_value[0] = 0.1;
+    parameters[1].name = "quality";
+    parameters[1].type = HEDDLE_TYPE_CHOICE;
+    parameters[1].choices = choices;
+    parameters[1].default_value[0] = 1;
+    parameters[2].name = "samples";
+    parameters[2].type = HEDDLE_TYPE_INT;
+    parameters[2].flags = HEDDLE_PARAMETER_KNOB | HEDDLE_PARAMETER_CONSTANT;
+    parameters[2].minimum = 1;
+    parameters[2].maximum = 4;
+    parameters[2].default_value[0] = 2;
+    parameters[2].ladder = ladder;
+    parameters[2].ladder_count = 3;
+    for (heddle_access& access : accesses) access.struct_size = sizeof(heddle_access);
+    accesses[0].port = "depth";
+    accesses[1].port = "visibility";
+    accesses[1].access = HEDDLE_ACCESS_COLOR;
+    accesses[1].load = HEDDLE_LOAD_CLEAR;
+    accesses[1].clear[0] = 0.1F;
+    accesses[2].port = "table";
+    accesses[2].access = HEDDLE_ACCESS_HOST_WRITE;
+    for (heddle_stage& stage : stages) stage.struct_size = sizeof(heddle_stage);
+    stages[0].name = "draw";
+    stages[0].access_count = 2;
+    stages[0].accesses = accesses;
+    stages[1].name = "fill";
+    stages[1].kind = HEDDLE_STAGE_CPU;
+    stages[1].access_count = 1;
+    stages[1].accesses = accesses + 2;
+    shaders[0].struct_size = sizeof(heddle_shader);
+    shaders[0].name = "draw";
+    shaders[0].kind = HEDDLE_SHADER_FULLSCREEN;
+    shaders[0].stage = "draw";
+    shaders[0].file = "draw.frag.glsl";
+    shaders[0].calls = " shadow  sky ";
+    functions[0].struct_size = sizeof(heddle_function);
+    functions[0].role = "sky";
+    functions[0].file = "sky.glsl";
+    functions[0].access_count = 1;
+    functions[0].accesses = accesses;
+    technique.struct_size = sizeof(heddle_technique);
+    technique.id = "ambient_occlusion/test";
+    technique.title = "A test";
+    technique.source = "nobody";
+    technique.flags = HEDDLE_TECHNIQUE_REFERENCE;
+    technique.role_revision = 1;
+    technique.port_count = 3;
+    technique.ports = ports;
+    technique.parameter_count = 3;
+    technique.parameters = parameters;
+    technique.stage_count = 2;
+    technique.stages = stages;
+    technique.shader_count = 1;
+    technique.shaders = shaders;
+    technique.function_count = 1;
+    technique.functions = functions;
+    technique.features = "mesh light";
+    technique.fallback = "nothing";
+  }
+  Example(const Example&) = delete;
+  Example& operator=(const Example&) = delete;
+};
+
+std::string message(const std::function<void(Example&)>& change) {
+  Example example;
+  change(example);
+  try {
+    from_descriptor(example.technique, "t.so");
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), HEDDLE_BUG);
+    return error.what();
+  }
+  return "no error";
+}
+
+constexpr std::string_view kWho = "t.so: error: technique 'ambient_occlusion/test': ";
+std::string told(std::string_view text) {
+  return std::string(kWho) + std::string(text);
+}
+
+TEST(Descriptor, IsCopiedWhole) {
+  Technique technique;
+  {
+    Example example;
+    technique = from_descriptor(example.technique, "t.so");
+    std::memset(static_cast<void*>(example.ports), 0xff, sizeof example.ports);  // nothing is borrowed
+  }
+  EXPECT_EQ(technique.id, "ambient_occlusion/test");
+  EXPECT_EQ(technique.role_name(), "ambient_occlusion");
+  EXPECT_EQ(technique.name(), "test");
+  EXPECT_TRUE(technique.is_reference);
+  ASSERT_EQ(technique.ports.size(), 3U);
+  EXPECT_TRUE(technique.ports[0].is_optional());
+  EXPECT_EQ(technique.ports[0].extent_scale, 1.0F);  // 0 means 1
+  EXPECT_EQ(technique.ports[0].layers, 1U);
+  EXPECT_EQ(technique.ports[1].extent_scale, 0.5F);
+  EXPECT_EQ(technique.ports[1].layers, 2U);
+  EXPECT_TRUE(technique.ports[1].is_kept());
+  EXPECT_EQ(technique.ports[2].byte_size, 1ULL << 40U);
+  EXPECT_EQ(technique.ports[2].glsl, "float table[];");
+  ASSERT_EQ(technique.parameters.size(), 3U);
+  EXPECT_EQ(technique.parameters[0].maximum, INFINITY);
+  EXPECT_EQ(technique.parameters[1].choices, (std::vector<std::string>{"low", "high"}));
+  EXPECT_EQ(technique.parameters[2].ladder, (std::vector<double>{1, 2, 4}));
+  EXPECT_TRUE(technique.find_parameter("samples")->is_knob());
+  EXPECT_EQ(technique.find_parameter("sample"), nullptr);
+  ASSERT_EQ(technique.stages.size(), 2U);
+  EXPECT_EQ(technique.stages[0].accesses[1].clear[0], 0.1F);
+  EXPECT_EQ(technique.find_stage("fill")->kind, StageKind::kCpu);
+  EXPECT_EQ(technique.find_shader("draw")->calls, (std::vector<std::string>{"shadow", "sky"}));
+  EXPECT_EQ(technique.find_function("sky")->file, "sky.glsl");
+  EXPECT_FALSE(technique.find_function("sky")->has_service);
+  EXPECT_EQ(technique.features, (std::vector<std::string>{"mesh", "light"}));
+  EXPECT_EQ(technique.fallback, "nothing");
+}
+
+TEST(Descriptor, OfAnOlderPluginKeepsDefaultsForNewFields) {
+  Example example;
+  // As if `layers` and all that follows had been appended later: the stride is the older structure's.
+  struct OldPort {
+    unsigned char bytes[offsetof(heddle_port, layers)];
+  };
+  alignas(heddle_port) OldPort old[3];
+  for (std::size_t i = 0; i < 3; ++i) {
+    example.ports[i].struct_size = sizeof(OldPort);
+    std::memcpy(old + i, example.ports + i, sizeof(OldPort));
+  }
+  example.technique.declare = [](heddle_pass*, const heddle_pass_host*) -> heddle_status { return HEDDLE_OK; };
+  example.technique.ports = reinterpret_cast<const heddle_port*>(old);
+  example.technique.struct_size = offsetof(heddle_technique, features);
+  example.technique.declare = nullptr;
+  // Without declare an output buffer needs its size, which the older structure cannot say.
+  example.technique.port_count = 2;
+  example.technique.stage_count = 1;
+  const Technique technique = from_descriptor(example.technique, "t.so");
+  ASSERT_EQ(technique.ports.size(), 2U);
+  EXPECT_EQ(technique.ports[1].name, "visibility");
+  EXPECT_EQ(technique.ports[1].layers, 1U);
+  EXPECT_EQ(technique.ports[1].help, "");
+  EXPECT_TRUE(technique.features.empty());
+}
+
+TEST(Descriptor, OfANewerPluginIsReadByItsOwnStride) {
+  struct NewPort {
+    heddle_port port;
+    std::uint64_t appended[3];
+  };
+  Example example;
+  NewPort ports[3]{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    ports[i].port = example.ports[i];
+    ports[i].port.struct_size = sizeof(NewPort);
+    ports[i].appended[0] = ~0ULL;
+  }
+  example.technique.ports = &ports[0].port;
+  const Technique technique = from_descriptor(example.technique, "t.so");
+  ASSERT_EQ(technique.ports.size(), 3U);
+  EXPECT_EQ(technique.ports[2].name, "table");
+}
+
+TEST(Descriptor, WithAStructureThatIsTooSmallIsRefused) {
+  EXPECT_EQ(message([](Example& e) { e.technique.struct_size = 8; }),
+            "t.so: error: heddle_technique: struct_size is too small\n  found:    8\n  expected: 96 bytes or more");
+  EXPECT_EQ(message([](Example& e) { e.ports[0].struct_size = 4; }),
+            told("ports[0]: struct_size is too small\n  found:    4\n  expected: 24 bytes or more"));
+  EXPECT_EQ(message([](Example& e) { e.ports[1].struct_size = 0; }),
+            told("ports[1]: struct_size differs from the first's\n  found:    0\n  expected: 80"));
+}
+
+TEST(Descriptor, WithNullPointersIsRefused) {
+  EXPECT_EQ(message([](Example& e) { e.technique.id = nullptr; }),
+            "t.so: error: technique: id is NULL\n  expected: a string");
+  EXPECT_EQ(message([](Example& e) { e.technique.title = nullptr; }), told("title is NULL\n  expected: a string"));
+  EXPECT_EQ(message([](Example& e) { e.technique.ports = nullptr; }), told("ports is NULL\n  found:    3 of them"));
+  EXPECT_EQ(message([](Example& e) { e.ports[1].name = nullptr; }),
+            told("ports[1]: name is NULL\n  expected: a string"));
+  EXPECT_EQ(message([](Example& e) { e.parameters[2].ladder = nullptr; }),
+            told("parameters[2]: ladder is NULL\n  found:    3 of them"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[1].port = nullptr; }),
+            told("stages[0]: accesses[1]: port is NULL\n  expected: a string"));
+  EXPECT_EQ(message([](Example& e) { e.functions[0].file = nullptr; }),
+            told("functions[0]: file is NULL\n  expected: a string"));
+}
+
+TEST(Descriptor, WithTextThatIsNotUtf8IsRefused) {
+  EXPECT_EQ(message([](Example& e) { e.technique.source = "Mitter\xfc"; }), told("source is not UTF-8"));
+  EXPECT_EQ(message([](Example& e) { e.ports[0].help = "\xed\xa0\x80"; }), told("ports[0]: help is not UTF-8"));
+  EXPECT_EQ(message([](Example& e) { e.ports[0].help = "\xc0\x80"; }), told("ports[0]: help is not UTF-8"));
+  EXPECT_EQ(message([](Example& e) { e.ports[0].help = "\u00fc \u20ac \U0001F600"; }), "no error");
+}
+
+TEST(Descriptor, WithABadIdIsRefused) {
+  const std::string expected = "\n  expected: \"role/technique\", both names, and the technique's not 'none'";
+  for (const char* id : {"gtao", "a/b/c", "a/", "/b", "a/none", "a/1b", "a/b-c"}) {
+    EXPECT_EQ(message([&](Example& e) { e.technique.id = id; }), std::string("t.so: error: technique '") + id +
+                                                                     "': id is no technique id\n  found:    \"" + id +
+                                                                     "\"" + expected);
+  }
+}
+
+TEST(Descriptor, WithUnknownEnumerationsIsRefused) {
+  EXPECT_EQ(message([](Example& e) { e.ports[0].type = 9; }),
+            told("port 'depth': unknown type\n  found:    9\n  expected: 0 to 3"));
+  EXPECT_EQ(message([](Example& e) { e.ports[0].direction = 3; }),
+            told("port 'depth': unknown direction\n  found:    3\n  expected: 0 to 2"));
+  EXPECT_EQ(message([](Example& e) { e.ports[0].flags = 64; }),
+            told("port 'depth': unknown flags\n  found:    0x40\n  expected: a combination within 0x7"));
+  EXPECT_EQ(message([](Example& e) { e.ports[1].extent_rule = 2; }),
+            told("port 'visibility': unknown extent_rule\n  found:    2\n  expected: 0 to 1"));
+  EXPECT_EQ(message([](Example& e) { e.parameters[0].type = 7; }),
+            told("parameter 'radius': unknown type\n  found:    7\n  expected: 0 to 6"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[0].access = 15; }),
+            told("stage 'draw': access to 'depth': unknown access\n  found:    15\n  expected: 0 to 14\n") +
+                told("function 'sky': access to 'depth': unknown access\n  found:    15\n  expected: 0 to 14\n") +
+                told("function 'sky': access to 'depth' is not for functions\n  found:    HEDDLE_ACCESS 15\n"
+                     "  expected: SAMPLED*, STORAGE_* or VALUE"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[1].load = 3; }),
+            told("stage 'draw': access to 'visibility': unknown load\n  found:    3\n  expected: 0 to 2\n") +
+                told("port 'visibility': no stage and no function touches this output"));
+  EXPECT_EQ(message([](Example& e) { e.shaders[0].kind = 3; }),
+            told("shader 'draw': unknown kind\n  found:    3\n  expected: 0 to 2"));
+  EXPECT_EQ(message([](Example& e) { e.shaders[0].depth_compare = 8; }),
+            told("shader 'draw': unknown depth_compare\n  found:    8\n  expected: 0 to 7"));
+  EXPECT_EQ(message([](Example& e) { e.technique.flags = 6; }), told("unknown flags\n  found:    0x6"));
+}
+
+TEST(Descriptor, WithTwoThingsOfOneNameIsRefused) {
+  EXPECT_EQ(message([](Example& e) { e.ports[0].name = "table"; }).substr(0, kWho.size() + 44),
+            told("two of the kind port are called 'table'\n").substr(0, kWho.size() + 40) + "t.so");
+  EXPECT_EQ(message([](Example& e) { e.parameters[1].name = "radius"; }),
+            told("two of the kind parameter are called 'radius'"));
+  EXPECT_EQ(message([](Example& e) { e.stages[1].name = "draw"; }), told("two of the kind stage are called 'draw'"));
+}
+
+TEST(Descriptor, WithANameThatGlslRefusesIsRefused) {
+  for (const char* name : {"", "2d", "a-b", "a__b", "gl_depth", "a b", "gr\u00f6sse"}) {
+    EXPECT_EQ(message([&](Example& e) { e.parameters[0].name = name; }),
+              told(std::string("parameter '") + name +
+                   "': this is no name\n  expected: letters, digits and single underscores, no digit first, no gl_"));
+  }
+}
+
+TEST(Descriptor, WithAPortThatContradictsItselfIsRefused) {
+  EXPECT_EQ(message([](Example& e) { e.ports[1].flags = HEDDLE_PORT_OPTIONAL; }),
+            told("port 'visibility': an output cannot be HEDDLE_PORT_OPTIONAL"));
+  EXPECT_EQ(message([](Example& e) { e.ports[0].flags = HEDDLE_PORT_KEPT; }),
+            told("port 'depth': an input cannot be HEDDLE_PORT_KEPT"));
+  EXPECT_EQ(message([](Example& e) { e.ports[0].format = 1; }),
+            told("port 'depth': an input cannot choose a format\n  found:    1\n  expected: 0"));
+  EXPECT_EQ(message([](Example& e) { e.ports[1].format = 0; }),
+            told("ports[1]: an image output without format\n  found:    0\n"
+                 "  expected: a VkFormat, or a declare that sets it"));
+  EXPECT_EQ(message([](Example& e) { e.ports[2].byte_size = 0; }),
+            told("ports[2]: an output without byte_size\n  found:    0\n"
+                 "  expected: the capacity in bytes, or a declare that sets it"));
+  EXPECT_EQ(message([](Example& e) { e.ports[1].flags = HEDDLE_PORT_CUBE; }),
+            told("port 'visibility': HEDDLE_PORT_CUBE needs an image with layers in sixes\n  found:    2 layers"));
+  EXPECT_EQ(message([](Example& e) { e.ports[1].extent_scale = -1; }),
+            told("port 'visibility': extent_scale is no scale\n  found:    -1\n  expected: a number above 0"));
+  EXPECT_EQ(message([](Example& e) { e.ports[1].extent_rule = HEDDLE_EXTENT_ABSOLUTE; }),
+            told("port 'visibility': HEDDLE_EXTENT_ABSOLUTE without an extent\n  found:    0 x 0\n"
+                 "  expected: width and height above 0"));
+  EXPECT_EQ(message([](Example& e) { e.ports[0].glsl = "float x;"; }),
+            told("port 'depth': glsl belongs to buffers and values"));
+}
+
+TEST(Descriptor, WithoutFormatIsRightIfDeclareSetsIt) {
+  EXPECT_EQ(message([](Example& e) {
+              e.ports[1].format = 0;
+              e.ports[2].byte_size = 0;
+              e.technique.declare = [](heddle_pass*, const heddle_pass_host*) -> heddle_status { return HEDDLE_OK; };
+            }),
+            "no error");
+}
+
+TEST(Descriptor, WithAParameterThatContradictsItselfIsRefused) {
+  EXPECT_EQ(message([](Example& e) { e.parameters[0].minimum = 0.5; }),
+            told("parameter 'radius': default_value is out of range\n  found:    0.1\n  expected: 0.5 to inf"));
+  EXPECT_EQ(message([](Example& e) { e.parameters[0].default_value[0] = NAN; }),
+            told("parameter 'radius': default_value is not finite\n  found:    nan"));
+  EXPECT_EQ(message([](Example& e) { e.parameters[0].minimum = INFINITY, e.parameters[0].maximum = 1; }),
+            told("parameter 'radius': the range is empty\n  found:    inf to 1\n"
+                 "  expected: minimum <= maximum; equal: unbounded\n") +
+                told("parameter 'radius': default_value is out of range\n  found:    0.1\n  expected: inf to 1"));
+  EXPECT_EQ(message([](Example& e) { e.parameters[2].default_value[0] = 1.5; }),
+            told("parameter 'samples': default_value is no integer\n  found:    1.5"));
+  EXPECT_EQ(message([](Example& e) { e.parameters[1].default_value[0] = 2; }),
+            told("parameter 'quality': default_value is out of range\n  found:    2\n  expected: 0 to 1"));
+  EXPECT_EQ(message([](Example& e) { e.parameters[1].choices = nullptr; }).substr(0, kWho.size() + 42),
+            told("parameter 'quality': a choice without choi"));
+  EXPECT_EQ(message([](Example& e) { e.choices[1] = "low"; }),
+            told("parameter 'quality': a choice is empty or stands twice\n  found:    \"low\""));
+  EXPECT_EQ(message([](Example& e) { e.parameters[0].choices = e.choices; }),
+            told("parameter 'radius': choices belong to HEDDLE_TYPE_CHOICE"));
+  EXPECT_EQ(message([](Example& e) { e.ladder[2] = 8; }),
+            told("parameter 'samples': ladder is out of range\n  found:    8\n  expected: 1 to 4"));
+  EXPECT_EQ(message([](Example& e) { e.parameters[2].ladder_count = 1; }),
+            told("parameter 'samples': a knob needs one component and a ladder of two values or more\n"
+                 "  found:    1 components, 1 values"));
+  EXPECT_EQ(message([](Example& e) { e.parameters[2].flags = 0; }),
+            told("parameter 'samples': a ladder belongs to HEDDLE_PARAMETER_KNOB"));
+  EXPECT_EQ(message([](Example& e) {
+              e.parameters[0].type = HEDDLE_TYPE_COLOR;
+              e.parameters[0].flags = HEDDLE_PARAMETER_CONSTANT;
+            }),
+            told("parameter 'radius': HEDDLE_PARAMETER_CONSTANT needs one component"));
+}
+
+TEST(Descriptor, MayHaveALadderInAnyOrderAndUnboundedParameters) {
+  EXPECT_EQ(message([](Example& e) {
+              e.ladder[0] = 4;
+              e.ladder[2] = 1;
+              e.parameters[0].maximum = 0;  // equal bounds: unbounded
+              e.parameters[0].default_value[0] = -1e9;
+            }),
+            "no error");
+}
+
+TEST(Descriptor, WithAnAccessThatDoesNotFitIsRefused) {
+  EXPECT_EQ(message([](Example& e) { e.accesses[2].port = "tabel"; }),
+            told("stage 'fill': access to 'tabel': there is no such port\n"
+                 "  expected: one of depth, visibility, table\n") +
+                told("port 'table': no stage and no function touches this output"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[1].access = HEDDLE_ACCESS_DRAW; }),
+            told("stage 'draw': access to 'visibility': the access does not fit the port's type\n"
+                 "  found:    HEDDLE_ACCESS 9"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[0].access = HEDDLE_ACCESS_STORAGE_WRITE; }),
+            told("stage 'draw': access to 'depth': an input is written\n") +
+                told("function 'sky': access to 'depth': an input is written"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[2].access = HEDDLE_ACCESS_STORAGE_WRITE; }),
+            told("stage 'fill': access to 'table' is not of its kind\n  found:    HEDDLE_ACCESS 3\n"
+                 "  expected: HOST_READ, HOST_WRITE or VALUE in a cpu stage"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[1].access = HEDDLE_ACCESS_HOST_WRITE; }),
+            told("stage 'draw': access to 'visibility' is not of its kind\n  found:    HEDDLE_ACCESS 11\n"
+                 "  expected: no HOST_READ and no HOST_WRITE in a gpu stage"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[1].clear[3] = NAN; }),
+            told("stage 'draw': access to 'visibility': clear is NaN"));
+  EXPECT_EQ(message([](Example& e) {
+              e.accesses[1].port = "depth";
+              e.accesses[1].access = HEDDLE_ACCESS_SAMPLED;
+              e.technique.port_count = 1;
+              e.technique.stage_count = 1;
+            }),
+            told("stage 'draw': access to 'depth': stands twice"));
+}
+
+TEST(Descriptor, WithAShaderOfAnUnknownStageIsRefused) {
+  EXPECT_EQ(message([](Example& e) { e.shaders[0].stage = "darw"; }),
+            told("shader 'draw': there is no such gpu stage\n  found:    \"darw\"\n  expected: one of draw"));
+  EXPECT_EQ(message([](Example& e) { e.shaders[0].stage = "fill"; }),
+            told("shader 'draw': there is no such gpu stage\n  found:    \"fill\"\n  expected: one of draw"));
+}
+
+TEST(Descriptor, WithAShaderFileOfAnotherKindIsRefused) {
+  const std::string expected = "\n  expected: <what>.frag.glsl in the technique's folder";
+  for (const char* file : {"", "draw.comp.glsl", ".frag.glsl", "../draw.frag.glsl", "/draw.frag.glsl"}) {
+    EXPECT_EQ(
+        message([&](Example& e) { e.shaders[0].file = file; }),
+        told(std::string("shader 'draw': file is no shader of its kind\n  found:    \"") + file + "\"") + expected);
+  }
+  EXPECT_EQ(message([](Example& e) {
+              e.shaders[0].kind = HEDDLE_SHADER_SURFACES;  // depth only
+              e.shaders[0].file = nullptr;
+            }),
+            "no error");
+  EXPECT_EQ(message([](Example& e) { e.functions[0].file = "sky.txt"; }),
+            told("function 'sky': file is no shader text\n  found:    \"sky.txt\"\n"
+                 "  expected: <what>.glsl in the technique's folder"));
+  EXPECT_EQ(message([](Example& e) { e.shaders[0].calls = "sky sky"; }),
+            told("shader 'draw': calls holds no role, or one twice\n  found:    \"sky\""));
+}
+
+TEST(Descriptor, OfAnOutputThatNobodyTouchesIsRefused) {
+  EXPECT_EQ(message([](Example& e) { e.technique.stage_count = 1; }),
+            told("port 'table': no stage and no function touches this output"));
+}
+
+TEST(Plugin, ThatIsNullOrSpeaksAnotherAbiIsRefused) {
+  const auto text = [](const heddle_plugin* plugin, heddle_status status) -> std::string {
+    try {
+      from_plugin(plugin, "t.so");
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), status);
+      return error.what();
+    }
+    return "no error";
+  };
+  Example example;
+  const heddle_technique* techniques[2]{&example.technique, &example.technique};
+  heddle_plugin plugin{sizeof(heddle_plugin), HEDDLE_ABI_MAJOR, HEDDLE_ABI_MINOR, 1, techniques};
+  EXPECT_EQ(text(&plugin, HEDDLE_OK), "no error");
+  EXPECT_EQ(text(nullptr, HEDDLE_BUG), "t.so: error: heddle_entry answered NULL\n  expected: a heddle_plugin");
+  plugin.technique_count = 2;
+  EXPECT_EQ(text(&plugin, HEDDLE_BUG), "t.so: error: two techniques have the id 'ambient_occlusion/test'");
+  techniques[1] = nullptr;
+  EXPECT_EQ(text(&plugin, HEDDLE_BUG), "t.so: error: techniques[1] is NULL");
+  plugin.technique_count = 0;
+  EXPECT_EQ(text(&plugin, HEDDLE_BUG), "t.so: error: heddle_plugin has no techniques");
+  plugin.abi_minor = 9;
+  EXPECT_EQ(text(&plugin, HEDDLE_UNSUPPORTED),
+            "t.so: error: this plugin was built for another version of Heddle's interface\n"
+            "  found:    ABI 0.9\n  expected: ABI 0.1\n  help:     build the plugin again with this version's headers");
+  plugin.struct_size = 4;
+  EXPECT_EQ(text(&plugin, HEDDLE_BUG),
+            "t.so: error: heddle_plugin: struct_size is too small\n  found:    4\n  expected: 12 bytes or more");
+}
+
+}  // namespace
+}  // namespace heddle
