@@ -77,20 +77,41 @@ struct ParameterLayout {
 };
 ParameterLayout parameter_layout(const Technique& technique);
 
+/// A specialization constant and the parameter it stands for. The caller's have the parameter's index as id, those of
+/// providers an id of their own.
+struct ConstantSlot {
+  std::uint32_t id = 0;
+  std::string pass;             // whose parameter: the caller's or a provider's name
+  std::uint32_t parameter = 0;  // index in technique.parameters
+  bool operator==(const ConstantSlot&) const = default;
+};
+
 struct CompiledShader {
   ShaderKind kind = ShaderKind::kCompute;
   std::vector<std::uint32_t> spirv;  // compute or fragment; empty: depth only without alpha masks
   std::vector<Binding> bindings;     // those the code really uses
   std::array<std::uint32_t, 3> local_size{1, 1, 1};
   std::uint32_t push_bytes = 0;
-  std::uint32_t loops = 0;            // loops in the joined text's functions that are reachable
-  bool uses_materials = false;        // set 2 is used
-  std::vector<std::string> warnings;  // e.g. more than eight loops, with the names of the providers
+  std::uint32_t loops = 0;              // loops in the joined text's functions that are reachable
+  bool uses_materials = false;          // set 2 is used
+  std::vector<std::string> warnings;    // e.g. more than eight loops, with the names of the providers
+  std::vector<ConstantSlot> constants;  // those the joined text declares
+  bool is_from_cache = false;
 };
 
 /// Compiles, or takes from the cache folder. Errors of the text name the author's file, line and the pass; a join that
 /// fails is narrowed down to the provider that fails alone. Throws Error(HEDDLE_BAD_INPUT).
+/// An empty cache folder: no cache.
 CompiledShader compile(const ShaderRequest& request, const std::filesystem::path& cache_folder);
+
+/// Compiles one provider's functions with a generated compute shader that calls each of them; functions of other roles
+/// (`callees`) have neutral bodies. No cache. Throws as compile does.
+CompiledShader compile_with_test_caller(const Role& role, const ProviderRequest& provider,
+                                        const std::vector<const Role*>& callees,
+                                        const std::vector<std::filesystem::path>& shared_folders);
+
+/// How often this process has called the compiler of GLSL: a cache hit does not.
+std::uint64_t compiler_calls();
 
 /// The text that compile would hand to the compiler for `#include "pass.glsl"` and for a role: for tests and explain.
 std::string generate_pass_glsl(const ShaderRequest& request);
@@ -139,13 +160,14 @@ struct RasterState {
   float depth_bias_constant = 0, depth_bias_slope = 0;
 };
 
-/// Values of the specialization constants, by parameter index.
+/// Values of the specialization constants, by ConstantSlot::id (the caller's: index of the parameter).
 using Constants = std::map<std::uint32_t, std::uint32_t>;  // raw 32 bits
 
 /// Makes pipelines of one device. Viewport, scissor, and for surfaces cull mode and front face, are dynamic.
 class PipelineMaker {
  public:
-  explicit PipelineMaker(Device& device);
+  /// `cache_folder`: for the host's own vertex shader; empty: compiled at first need.
+  explicit PipelineMaker(Device& device, std::filesystem::path cache_folder = {});
   Pipeline compute(const CompiledShader& shader, const Constants& constants);
   Pipeline fullscreen(const CompiledShader& shader, const Constants& constants, const RasterState& state);
   /// `fragment.spirv` may be empty (depth only, opaque). Set layouts 2 and 3 are borrowed.
@@ -155,7 +177,11 @@ class PipelineMaker {
                                  VkDescriptorSetLayout materials, VkDescriptorSetLayout program_set);
 
  private:
+  Pipeline graphics(std::span<const std::uint32_t> vertex, std::span<const std::uint32_t> fragment, Pipeline&& layouts,
+                    const Constants& constants, const RasterState& state, bool is_surfaces);
   Device* device_;
+  std::filesystem::path cache_folder_;
+  std::vector<std::uint32_t> fullscreen_vertex_;
 };
 
 }  // namespace heddle::vulkan
