@@ -3,12 +3,14 @@
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
 #include <memory>
 #include <new>
 #include <string>
+#include <vector>
 
 #include "image/module.h"
 
@@ -71,7 +73,15 @@ heddle_status read(const char* path, heddle_image_pixels* out, char* error, size
     if (!pixels) {
       throw std::bad_alloc();
     }
-    if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, pixels.get())) {
+    // OpenImageIO turns bytes into floats by a multiplication; 0..1 as stored means the quotient, rounded once.
+    if (spec.format == OIIO::TypeDesc::UINT8 && spec.channelformats.empty()) {
+      std::vector<std::uint8_t> bytes(size_t{width} * height * channels);
+      if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::UINT8, bytes.data())) {
+        return fail(error, error_size, input->geterror());
+      }
+      std::transform(bytes.begin(), bytes.end(), pixels.get(),
+                     [](std::uint8_t value) { return static_cast<float>(value) / 255.0F; });
+    } else if (!input->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::FLOAT, pixels.get())) {
       return fail(error, error_size, input->geterror());
     }
     *out = {width, height, channels, pixels.release()};
@@ -83,7 +93,10 @@ heddle_status decode8(const void* bytes, size_t size, const char* extension, hed
                       size_t error_size) {
   return guard(error, error_size, [&] {
     OIIO::Filesystem::IOMemReader reader(const_cast<void*>(bytes), size);
-    const OIIO::ImageSpec config = as_stored();
+    OIIO::ImageSpec config = as_stored();
+    OIIO::Filesystem::IOProxy* proxy = &reader;
+    // Readers of 2.4 take it from the configuration; the argument alone reaches only the ones that look for it.
+    config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
     const auto input = OIIO::ImageInput::open(std::string("memory.") + extension, &config, &reader);
     if (!input) {
       return fail(error, error_size, OIIO::geterror());
