@@ -76,7 +76,7 @@ class Contract {
       }
       for (Port& port : technique.ports) apply_port(*role, port);
       for (const RolePort& port : role->ports) {
-        if (port.direction != Direction::kIn && !port.optional && technique.find_port(port.name) == nullptr) {
+        if (port.direction == Direction::kOut && !port.optional && technique.find_port(port.name) == nullptr) {
           complain(fmt::format("the role's output '{}' is missing", port.name), {},
                    fmt::format("an {} port of type {}", to_word(port.direction), to_word(port.type)));
         }

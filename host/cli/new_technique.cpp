@@ -1,0 +1,108 @@
+// SPDX-License-Identifier: Apache-2.0
+// heddle new-technique ROLE NAME: the role's contract -> <folder>/ROLE/NAME, whole or not at all.
+#include "cli/new_technique.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "cli/session.hpp"
+#include "cli/technique_template.hpp"
+
+namespace heddle::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+struct Arguments {
+  HostArguments host;
+  std::string role, name;
+  std::string folder = "plugins";
+  std::string language = "c++";
+};
+
+// Names of techniques are folders, words of graphs and parts of C++ and GLSL names.
+bool is_technique_name(std::string_view name) {
+  const bool has_good_start = !name.empty() && name.front() >= 'a' && name.front() <= 'z';
+  return has_good_start && name != "none" && name.find("__") == std::string_view::npos &&
+         name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string_view::npos;
+}
+
+const json& find_role(const json& list, const std::string& name) {
+  std::vector<std::string> names;
+  for (const json& role : list["roles"]) {
+    if (role["name"] == name) return role;
+    names.push_back(role["name"].get<std::string>());
+  }
+  throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: there is no role '{}'\n  expected: one of {}\n"
+                                              "  help:     a new role begins with a role.toml in a folder of its own",
+                                              name, fmt::join(names, ", "))};
+}
+
+void write_file(const fs::path& file, const std::string& text) {
+  std::ofstream stream(file, std::ios::binary);
+  stream << text;
+  stream.close();
+  if (!stream) throw Failure{HEDDLE_FAILED, fmt::format("{}: error: cannot write this file", file.string())};
+}
+
+void write_folder(const fs::path& folder, const std::vector<TemplateFile>& files) {
+  std::error_code error;
+  if (fs::exists(folder)) {
+    throw Failure{
+        HEDDLE_BAD_INPUT,
+        fmt::format("{}: error: this folder exists already\n  help:     choose another name", folder.string())};
+  }
+  fs::path unfinished = folder;
+  unfinished += ".new";
+  fs::remove_all(unfinished, error);
+  fs::create_directories(unfinished, error);
+  if (!error) {
+    for (const TemplateFile& file : files) write_file(unfinished / file.name, file.text);
+    fs::rename(unfinished, folder, error);
+  }
+  if (error) {
+    throw Failure{HEDDLE_FAILED,
+                  fmt::format("{}: error: cannot make this folder\n  found:    {}", folder.string(), error.message())};
+  }
+}
+
+void run(const Arguments& arguments) {
+  if (!is_technique_name(arguments.name)) {
+    throw Failure{HEDDLE_BAD_INPUT,
+                  fmt::format("error: '{}' is no name for a technique\n"
+                              "  expected: small letters, digits and single underscores, a letter first; not 'none'",
+                              arguments.name)};
+  }
+  const Owned<heddle_host> host = make_host(arguments.host);
+  const char* text = nullptr;
+  check(host.get(), heddle_list(host.get(), &text));
+  const json list = json::parse(text);
+  const auto files = technique_template(find_role(list, arguments.role), arguments.name,
+                                        arguments.language == "c" ? TemplateLanguage::kC : TemplateLanguage::kCpp);
+  const fs::path folder = fs::path(arguments.folder) / arguments.role / arguments.name;
+  write_folder(folder, files);
+  fmt::print("{}\n", folder.string());
+  for (const TemplateFile& file : files) fmt::print("  {}\n", file.name);
+  say(arguments.host, "build again to have it in `heddle list`");
+}
+
+}  // namespace
+
+void add_new_technique(CLI::App& app) {
+  CLI::App* command = app.add_subcommand("new-technique", "a folder with a technique that builds and loads at once");
+  auto arguments = std::make_shared<Arguments>();
+  arguments->host.add_to(*command);
+  command->add_option("role", arguments->role, "the job, as `heddle list` names it")->required();
+  command->add_option("name", arguments->name, "the technique's name")->required();
+  command->add_option("--folder", arguments->folder, "where ROLE/NAME is made")->capture_default_str();
+  command->add_option("--language", arguments->language, "of pass.cpp or pass.c")
+      ->check(CLI::IsMember({"c", "c++"}))
+      ->capture_default_str();
+  command->callback([arguments] { run(*arguments); });
+}
+
+}  // namespace heddle::cli
