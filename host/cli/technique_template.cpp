@@ -23,7 +23,7 @@ std::string text_of(const json& object, const char* key) {
   return object[key].get<std::string>();
 }
 
-std::string quoted(std::string_view text) {
+std::string c_literal(std::string_view text) {
   std::string result = "\"";
   for (const char c : text) {
     if (c == '"' || c == '\\') result += '\\';
@@ -165,7 +165,7 @@ class Template {
       text += "constexpr heddle_port kPorts[] = {\n";
       for (const UsedPort& port : ports_) {
         text += fmt::format("    {}(\"{}\", {}{}{}),\n", port.builder, port.name,
-                            port.is_output ? std::string(kFormat) + ", " : "", quoted(text_of(*port.role, "help")),
+                            port.is_output ? std::string(kFormat) + ", " : "", c_literal(text_of(*port.role, "help")),
                             port.is_optional ? ", HEDDLE_PORT_OPTIONAL" : "");
       }
       text += "};\n";
@@ -193,7 +193,7 @@ class Template {
     text += fmt::format(
         "\nconstexpr heddle_technique kTechnique = [] {{\n  heddle_technique t = technique<{}>(\"{}\", {},\n"
         "                                            \"author, year, title\", {});\n",
-        type, id(), quoted(text_of(role_, "title")), role_["revision"].get<int>());
+        type, id(), c_literal(text_of(role_, "title")), role_["revision"].get<int>());
     if (!ports_.empty()) text += "  t.ports = list(kPorts, t.port_count);\n";
     if (has_shader_) {
       text += "  t.stages = list(kStages, t.stage_count);\n  t.shaders = list(kShaders, t.shader_count);\n";
@@ -243,7 +243,7 @@ class Template {
         text += fmt::format("     .direction = {},\n", port.is_output ? "HEDDLE_OUT" : "HEDDLE_IN");
         if (port.is_optional) text += "     .flags = HEDDLE_PORT_OPTIONAL,\n";
         if (port.is_output) text += fmt::format("     .format = {},\n     .extent_scale = 1.0f,\n", kFormat);
-        text += fmt::format("     .help = {}}},\n", quoted(text_of(*port.role, "help")));
+        text += fmt::format("     .help = {}}},\n", c_literal(text_of(*port.role, "help")));
       }
       text += "};\n";
     }
@@ -284,7 +284,7 @@ class Template {
     text += fmt::format(
         "\nstatic const heddle_technique technique = {{\n    .struct_size = sizeof(heddle_technique),\n    .id = "
         "\"{}\",\n    .title = {},\n    .source = \"author, year, title\",\n    .role_revision = {},\n{}}};\n",
-        id(), quoted(text_of(role_, "title")), role_["revision"].get<int>(), fields);
+        id(), c_literal(text_of(role_, "title")), role_["revision"].get<int>(), fields);
     text +=
         "static const heddle_technique* const techniques[] = {&technique};\n"
         "static const heddle_plugin plugin = {\n    .struct_size = sizeof(heddle_plugin),\n    .abi_major = "
