@@ -7,7 +7,8 @@
  * NUL-terminated. Unless a comment says otherwise, what a caller passes is borrowed until the call returns, and what a
  * descriptor points to lives as long as the library is open.
  *
- * Thread tags, last in every function's comment:
+ * Thread tags, last in every function's comment (a comment also stands for the functions that follow the first one
+ * without an empty line or another comment):
  *   [main-thread]    the thread that made the host; one at a time for each host
  *   [record-thread]  the thread that records a frame; never two at once for one pass
  *   [any-thread]     any, also several at once */

@@ -27,7 +27,8 @@ typedef struct heddle_host_options {
   const char* device;      /* part of a device's name, or its index as text; NULL: HEDDLE_DEVICE, else lavapipe, else 0 */
   const char* plugin_path; /* folders with plugins, separated by ':'; NULL: HEDDLE_PLUGIN_PATH, else the library's own */
   const char* cache_path;  /* compiled shaders; NULL: HEDDLE_CACHE, else ~/.cache/heddle */
-  /* Told warnings and information, line by line; NULL: not told. Called on the thread of the call that causes it. */
+  /* Told warnings and information, line by line; NULL: not told. Called on the thread of the call that causes it.
+   * [main-thread] */
   void (*log)(void* user, uint32_t severity, const char* text);
   void* log_user;
 } heddle_host_options;
@@ -108,8 +109,10 @@ typedef struct heddle_camera {
   double far_distance;     /* orthographic only; 0: 1000 */
 } heddle_camera;
 
-HEDDLE_EXPORT heddle_status heddle_scene_create(heddle_host* host, heddle_scene** out); /* [main-thread] */
-HEDDLE_EXPORT void heddle_scene_destroy(heddle_scene* scene);                           /* [main-thread] */
+/* An empty scene. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_create(heddle_host* host, heddle_scene** out);
+/* NULL is ignored. [main-thread] */
+HEDDLE_EXPORT void heddle_scene_destroy(heddle_scene* scene);
 /* Adds everything in a glTF 2.0 file (.gltf, .glb). On an error the scene is as before. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_load(heddle_scene* scene, const char* path);
 /* Each adds one thing and gives its id, counted from 0 by kind. Names may be NULL. [main-thread] */
@@ -119,23 +122,24 @@ HEDDLE_EXPORT heddle_status heddle_scene_add_material(heddle_scene* scene, const
                                                       const heddle_material* material, uint32_t* out_id);
 HEDDLE_EXPORT heddle_status heddle_scene_add_mesh(heddle_scene* scene, const char* name, const heddle_mesh* mesh,
                                                   uint32_t material, uint32_t* out_id);
-/* A mesh placed by a 4x4 matrix, column-major float64, affine. */
+/* A mesh placed by a 4x4 matrix, column-major float64, affine. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_add_instance(heddle_scene* scene, const char* name, uint32_t mesh,
                                                       const double scene_from_object[16], uint32_t* out_id);
 HEDDLE_EXPORT heddle_status heddle_scene_add_light(heddle_scene* scene, const char* name, const heddle_light* light,
                                                    uint32_t* out_id);
 HEDDLE_EXPORT heddle_status heddle_scene_add_camera(heddle_scene* scene, const char* name,
                                                     const heddle_camera* camera, uint32_t* out_id);
-/* Moves an instance; what it was counts as the last frame's place. */
+/* Moves an instance; what it was counts as the last frame's place. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_instance(heddle_scene* scene, uint32_t id,
                                                       const double scene_from_object[16]);
+/* Moves a camera. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_t id, const heddle_camera* camera);
-/* Which camera renders; HEDDLE_NONE: one made to see the whole scene. */
+/* Which camera renders; HEDDLE_NONE: one made to see the whole scene. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_use_camera(heddle_scene* scene, uint32_t id);
-/* The camera in use, as it would render a frame of this shape. */
+/* The camera in use, as it would render a frame of this shape. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_get_camera(heddle_scene* scene, uint32_t width, uint32_t height,
                                                     heddle_camera* out);
-/* Counts, bounds, names of cameras, lights and materials, features, as JSON. */
+/* Counts, bounds, names of cameras, lights and materials, features, as JSON. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_describe(heddle_scene* scene, const char** out_json);
 
 /* ---- Graph -------------------------------------------------------------------------------------------------------- */
@@ -143,7 +147,7 @@ HEDDLE_EXPORT heddle_status heddle_scene_describe(heddle_scene* scene, const cha
  * in their order. Resolves, checks and orders; opens no plugin. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_load(heddle_host* host, const char* path, const char* const* settings,
                                               uint32_t setting_count, heddle_graph** out);
-/* The same from text; `name` stands for the file in messages, `folder` is where `extends` looks. */
+/* The same from text; `name` stands for the file in messages, `folder` is where `extends` looks. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_parse(heddle_host* host, const char* text, const char* name,
                                                const char* folder, const char* const* settings, uint32_t setting_count,
                                                heddle_graph** out);
@@ -185,7 +189,8 @@ HEDDLE_EXPORT heddle_status heddle_stats(heddle_graph* graph, const char** out_j
 HEDDLE_EXPORT heddle_status heddle_image_read(heddle_host* host, const char* path, heddle_image* out);
 HEDDLE_EXPORT heddle_status heddle_image_write(heddle_host* host, const char* path, const heddle_image* image);
 /* Metrics of a against b (the reference) as JSON: {"mse", "rmse", "relmse", "psnr", "maximum", "mean_difference", ...}.
- * If difference_path is not NULL, writes |a - b| there. Non-finite values are an error that names the first pixel. */
+ * If difference_path is not NULL, writes |a - b| there. Non-finite values are an error that names the first pixel.
+ * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_image_compare(heddle_host* host, const heddle_image* a, const heddle_image* b,
                                                  const char* difference_path, const char** out_json);
 

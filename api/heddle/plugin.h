@@ -49,7 +49,7 @@ typedef struct heddle_port {
   uint32_t flags;     /* HEDDLE_PORT_OPTIONAL ... */
   uint32_t format;    /* image, out: VkFormat; in: 0 */
   uint32_t extent_rule;
-  float extent_scale;
+  float extent_scale;     /* 0 = 1 */
   uint32_t width, height; /* HEDDLE_EXTENT_ABSOLUTE */
   uint32_t layers, mips;  /* 0 = 1 */
   uint64_t byte_size;     /* buffer or value, out: capacity */
@@ -260,6 +260,8 @@ struct heddle_pass_host {
                              uint64_t bytes);
 
   /* ---- execute (cpu stages) ---- */
+  /* The memory of a port that the stage declares as HOST_READ or HOST_WRITE. Fills *out, whose struct_size the caller
+   * has set. HEDDLE_BUG for a port that the stage does not declare so. [record-thread] */
   heddle_status (*map)(const heddle_pass_host* self, heddle_frame* frame, const char* port, heddle_mapped* out);
   /* The triangles of a surfaces port that the stage declares as HOST_READ. *out is the host's object (the alpha test
    * needs that very pointer), valid until execute returns. out_alpha_test may be NULL. [record-thread] */
@@ -270,22 +272,28 @@ struct heddle_pass_host {
   /* A compute shader of this stage, `groups` work groups. push as in heddle_draw. [record-thread] */
   heddle_status (*dispatch)(const heddle_pass_host* self, heddle_frame* frame, const char* shader, uint32_t groups_x,
                             uint32_t groups_y, uint32_t groups_z, const void* push, uint32_t push_bytes);
-  /* As many groups as cover mip 0 of `port` (the shader's local size is known from its text). */
+  /* As many groups as cover mip 0 of `port` (the shader's local size is known from its text). [record-thread] */
   heddle_status (*dispatch_over)(const heddle_pass_host* self, heddle_frame* frame, const char* shader,
                                  const char* port, const void* push, uint32_t push_bytes);
-  /* A full-screen shader into all attachments of the stage, layer `layer`. */
+  /* A full-screen shader into all attachments of the stage, layer `layer`. [record-thread] */
   heddle_status (*fullscreen)(const heddle_pass_host* self, heddle_frame* frame, const char* shader, uint32_t layer,
                               const void* push, uint32_t push_bytes);
+  /* Every triangle of a surfaces port that *draw asks for; draw is borrowed until return. HEDDLE_BUG for a shader or port
+   * that is not of this stage. [record-thread] */
   heddle_status (*draw)(const heddle_pass_host* self, heddle_frame* frame, const heddle_draw* draw);
-  /* Makes what earlier commands of this stage wrote visible to its later ones (compute and transfer). */
+  /* Makes what earlier commands of this stage wrote visible to its later ones (compute and transfer).
+   * [record-thread] */
   void (*barrier)(const heddle_pass_host* self, heddle_frame* frame);
-  /* Writes host bytes into a buffer port before the commands that follow; at most 64 KiB a call. */
+  /* Writes host bytes into a buffer port before the commands that follow; at most 64 KiB a call.
+   * [record-thread] */
   heddle_status (*update_buffer)(const heddle_pass_host* self, heddle_frame* frame, const char* port, uint64_t offset,
                                  const void* data, uint64_t bytes);
 
   /* ---- underneath, for what the above does not cover ---- */
   /* The device's functions, wrapped so that the host counts them. Lives as long as the host. */
   const heddle_vulkan* vulkan;
+  /* The frame's objects behind the calls above, the host's, valid until record returns; VK_NULL_HANDLE for an unbound
+   * port. The view shows every layer and mip. [record-thread] */
   VkCommandBuffer (*command_buffer)(const heddle_pass_host* self, heddle_frame* frame);
   VkImage (*image)(const heddle_pass_host* self, heddle_frame* frame, const char* port);
   VkImageView (*image_view)(const heddle_pass_host* self, heddle_frame* frame, const char* port);
@@ -348,7 +356,8 @@ typedef struct heddle_plugin {
   const heddle_technique* const* techniques;
 } heddle_plugin;
 
-/* The one exported symbol. Returns static data; called once after opening, on the main thread. Never NULL. */
+/* The one exported symbol. Returns static data; called once after opening. Never NULL.
+ * [main-thread] */
 HEDDLE_EXPORT const heddle_plugin* heddle_entry(void);
 typedef const heddle_plugin* (*heddle_entry_function)(void);
 
