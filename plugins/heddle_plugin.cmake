@@ -16,24 +16,26 @@ function(heddle_plugin_contracts source output)
                      COMMAND ${CMAKE_COMMAND} -E copy ${CMAKE_SOURCE_DIR}/api/heddle/records.h
                              ${output}/shared/heddle/records.h)
   add_custom_target(heddle_contracts ALL DEPENDS ${outputs} ${output}/shared/heddle/records.h)
+  set_property(GLOBAL PROPERTY HEDDLE_PLUGIN_CONTRACTS ${output})
 endfunction()
 
-set(HEDDLE_PLUGIN_VERSION_SCRIPT ${CMAKE_CURRENT_LIST_DIR}/plugin.version)
-
+# HEDDLE_PLUGIN_OUTPUT says where; tests set it to build plugins that do not ship.
 function(heddle_plugin)
   cmake_parse_arguments(PARSE_ARGV 0 ARG "" "" "SOURCES;SHADERS;LIBRARIES")
   cmake_path(GET CMAKE_CURRENT_SOURCE_DIR FILENAME technique)
   cmake_path(GET CMAKE_CURRENT_SOURCE_DIR PARENT_PATH role_folder)
   cmake_path(GET role_folder FILENAME role)
   set(output ${HEDDLE_PLUGIN_OUTPUT}/${role}/${technique})
+  set(version_script ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/plugin.version)
+  get_property(contracts GLOBAL PROPERTY HEDDLE_PLUGIN_CONTRACTS)
   set(target ${role}_${technique})
   add_library(${target} MODULE ${ARG_SOURCES})
   target_link_libraries(${target} PRIVATE heddle_api heddle_warnings ${ARG_LIBRARIES}
-                        -Wl,--version-script=${HEDDLE_PLUGIN_VERSION_SCRIPT} -Wl,-z,defs)
+                        -Wl,--version-script=${version_script} -Wl,-z,defs)
   target_include_directories(${target} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR} ${role_folder}/../shared)
   set_target_properties(${target} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${output} OUTPUT_NAME ${technique} PREFIX ""
                         C_VISIBILITY_PRESET hidden CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON
-                        LINK_DEPENDS ${HEDDLE_PLUGIN_VERSION_SCRIPT})
+                        LINK_DEPENDS ${version_script})
   set(copies)
   foreach(shader ${ARG_SHADERS})
     add_custom_command(OUTPUT ${output}/${shader} DEPENDS ${CMAKE_CURRENT_SOURCE_DIR}/${shader}
@@ -44,7 +46,7 @@ function(heddle_plugin)
                      COMMAND heddle_manifest $<TARGET_FILE:${target}> ${output}/${technique}.manifest.json)
   add_custom_command(OUTPUT ${output}/${technique}.checked
                      DEPENDS ${output}/${technique}.manifest.json ${copies} heddle_contracts heddle_check_shaders
-                     COMMAND heddle_check_shaders ${HEDDLE_PLUGIN_OUTPUT} ${output}/${technique}.manifest.json
+                     COMMAND heddle_check_shaders ${contracts} ${output}/${technique}.manifest.json
                      COMMAND ${CMAKE_COMMAND} -E touch ${output}/${technique}.checked)
   add_custom_target(${target}_plugin ALL DEPENDS ${output}/${technique}.checked)
 endfunction()
