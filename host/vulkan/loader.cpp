@@ -59,6 +59,18 @@ void require_validation_layer() {
                                         .help = "on Debian: apt install vulkan-validationlayers"});
 }
 
+/// Makes one instance that lives as long as the process. A loader without instances closes the drivers, and some do not
+/// bear to be opened again and again: NVIDIA's takes memory for thread-local data each time and after some forty times
+/// cannot be opened any more. It also makes later instances cheaper. Guarded by environment_mutex().
+void keep_drivers_open(const VkApplicationInfo& application) {
+  static VkInstance kept = VK_NULL_HANDLE;
+  if (kept != VK_NULL_HANDLE) return;
+  VkInstanceCreateInfo create{};
+  create.sType = VK_STRUCTURE_TYPE_INSTANCE_CREATE_INFO;
+  create.pApplicationInfo = &application;
+  if (loader().CreateInstance(&create, nullptr, &kept) != VK_SUCCESS) kept = VK_NULL_HANDLE;
+}
+
 template <typename Function>
 void find(const Loader& from, VkInstance instance, const char* name, Function& function) {
   function = reinterpret_cast<Function>(from.GetInstanceProcAddr(instance, name));
@@ -183,6 +195,7 @@ Instance::Instance(ValidationSink* sink) {
       throw Error(HEDDLE_FAILED, "no Vulkan driver is installed", kInstallHelp);
     }
     check(result, "vkCreateInstance");
+    keep_drivers_open(application);
   }
 
   try {

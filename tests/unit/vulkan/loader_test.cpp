@@ -80,6 +80,11 @@ TEST(Loader, LeavesTheEnvironmentAsItWas) {
   EXPECT_EQ(saved, after != nullptr ? after : "(unset)");
 }
 
+TEST(Loader, BearsManyInstancesOneAfterTheOther) {
+  const std::size_t devices = list_devices().size();
+  for (int i = 0; i < 80; ++i) ASSERT_EQ(list_devices().size(), devices) << "instance " << i;
+}
+
 TEST(Loader, ListsDevicesWithWhatTheyLack) {
   const std::vector<DeviceInfo> devices = list_devices();
   ASSERT_FALSE(devices.empty());

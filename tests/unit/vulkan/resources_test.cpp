@@ -136,14 +136,16 @@ TEST_F(Resources, PlacedImagesShareBytes) {
 }
 
 TEST_F(Resources, PlacedBuffersShareBytes) {
-  const VkMemoryRequirements needs = device_->buffer_requirements(1000, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  constexpr std::uint64_t kBytes = 300001;  // many times any alignment
+  const VkMemoryRequirements needs = device_->buffer_requirements(kBytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  EXPECT_GE(needs.size, kBytes);
   EXPECT_EQ(needs.size % device_->limits().bufferImageGranularity, 0u);
   const Heap heap = device_->make_heap(needs.size + needs.alignment, needs.memoryTypeBits);
-  const Buffer low = device_->place_buffer(1000, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, heap, 0);
-  const Buffer high = device_->place_buffer(1000, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, heap, needs.alignment);
-  const auto bytes = pattern(1000, 9);
+  const Buffer low = device_->place_buffer(kBytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, heap, 0);
+  const Buffer high = device_->place_buffer(kBytes, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, heap, needs.alignment);
+  const auto bytes = pattern(kBytes, 9);
   device_->upload(low, 0, bytes);
-  const auto seen = device_->read_back(high, 0, 1000 - needs.alignment);
+  const auto seen = device_->read_back(high, 0, kBytes - needs.alignment);
   EXPECT_TRUE(std::equal(seen.begin(), seen.end(), bytes.begin() + static_cast<std::ptrdiff_t>(needs.alignment)));
 }
 
