@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// probe/shadow, sky, surface_material, light: a grid of points or directions to what functions answer. For tests.
+#include <heddle/pass.hpp>
+
+namespace {
+
+using namespace heddle::pass;
+
+constexpr const char* kShapes[] = {"parallelogram", "sphere", nullptr};
+constexpr heddle_parameter kShadowParameters[] = {
+    integer("light", "1", 0, 4096, 0, "index"),
+    choice("shape", kShapes, 0, "of the grid of points"),
+    triple("corner", "m", 0, 0, {0, 0, 0},
+           "of the parallelogram, or the sphere's centre; relative to the frame's origin"),
+    triple("edge_u", "m", 0, 0, {1, 0, 0}, "along x of the image; the sphere's radius is its length"),
+    triple("edge_v", "m", 0, 0, {0, 0, 1}, "along y of the image"),
+    triple("normal", "1", 0, 0, {0, 1, 0}, "unit; a sphere has its own"),
+};
+constexpr const char* kAnswers[] = {"radiance", "irradiance", "specular", nullptr};
+constexpr heddle_parameter kSkyParameters[] = {
+    choice("answer", kAnswers, 0, "which function"),
+    parameter("alpha", "1", 0, 1, 0.5, "of the specular lobe"),
+};
+constexpr const char* kMaterialAnswers[] = {"brdf", "diffuse", "specular", "environment", nullptr};
+constexpr heddle_parameter kMaterialParameters[] = {
+    choice("answer", kMaterialAnswers, 0, "which function or lobe"),
+    parameter("n_dot_v", "1", 0, 1, 0.5, "cosine of the view"),
+    parameter("azimuth", "rad", 0, 0, 0, "of the light against the view"),
+    parameter("metalness", "1", 0, 1, 0, "of the point"),
+    parameter("ior", "1", 0, 10, 1.5, "of the point"),
+    color("base_color", "1", 0, 1, {1, 1, 1}, "of the point"),
+};
+constexpr const char* kLightAnswers[] = {"irradiance", "facing", "direction", nullptr};
+constexpr heddle_parameter kLightParameters[] = {
+    integer("light", "1", 0, 4096, 0, "index"),
+    choice("answer", kLightAnswers, 0, "irradiance on the normal, facing the light, direction; a: distance"),
+    triple("corner", "m", 0, 0, {0, 0, 0}, "of the parallelogram, relative to the frame's origin"),
+    triple("edge_u", "m", 0, 0, {1, 0, 0}, "along x of the image"),
+    triple("edge_v", "m", 0, 0, {0, 0, 1}, "along y of the image"),
+    triple("normal", "1", 0, 0, {0, 1, 0}, "unit"),
+};
+constexpr heddle_port lights_in() {
+  heddle_port p = value_in("lights", "every light of the frame");
+  p.glsl = "HeddleLight lights[];";
+  return p;
+}
+constexpr heddle_port kLightPorts[] = {
+    image_out("values", VK_FORMAT_R32G32B32A32_SFLOAT, "answers"),
+    lights_in(),
+};
+constexpr heddle_access kLightAccesses[] = {storage_write("values"), value("lights")};
+constexpr heddle_stage kLightStages[] = {gpu_stage("ask", kLightAccesses)};
+constexpr heddle_shader kLightShaders[] = {compute_shader("ask", "ask", "light.comp.glsl")};
+constexpr heddle_shader kMaterialShaders[] = {
+    compute_shader("ask", "ask", "surface_material.comp.glsl", "surface_material")};
+constexpr heddle_port kPorts[] = {image_out("values", VK_FORMAT_R32G32B32A32_SFLOAT, "answers")};
+constexpr heddle_access kAccesses[] = {storage_write("values")};
+constexpr heddle_stage kStages[] = {gpu_stage("ask", kAccesses)};
+constexpr heddle_shader kShadowShaders[] = {compute_shader("ask", "ask", "shadow.comp.glsl", "shadow")};
+constexpr heddle_shader kSkyShaders[] = {compute_shader("ask", "ask", "sky.comp.glsl", "sky")};
+
+struct Probe {
+  heddle_status record(const Frame& frame) { return frame.dispatch_over("ask", "values"); }
+};
+
+constexpr heddle_technique kShadow = [] {
+  heddle_technique t = technique<Probe>("probe/shadow", "The function shadow at points of a shape", "definition");
+  t.ports = list(kPorts, t.port_count);
+  t.parameters = list(kShadowParameters, t.parameter_count);
+  t.stages = list(kStages, t.stage_count);
+  t.shaders = list(kShadowShaders, t.shader_count);
+  return t;
+}();
+constexpr heddle_technique kSky = [] {
+  heddle_technique t = technique<Probe>("probe/sky", "The functions of sky in all directions", "definition");
+  t.ports = list(kPorts, t.port_count);
+  t.parameters = list(kSkyParameters, t.parameter_count);
+  t.stages = list(kStages, t.stage_count);
+  t.shaders = list(kSkyShaders, t.shader_count);
+  return t;
+}();
+
+constexpr heddle_technique kMaterial = [] {
+  heddle_technique t = technique<Probe>("probe/surface_material", "The functions of surface_material", "definition");
+  t.ports = list(kPorts, t.port_count);
+  t.parameters = list(kMaterialParameters, t.parameter_count);
+  t.stages = list(kStages, t.stage_count);
+  t.shaders = list(kMaterialShaders, t.shader_count);
+  return t;
+}();
+constexpr heddle_technique kLight = [] {
+  heddle_technique t = technique<Probe>("probe/light", "A light at points of a parallelogram", "definition");
+  t.ports = list(kLightPorts, t.port_count);
+  t.parameters = list(kLightParameters, t.parameter_count);
+  t.stages = list(kLightStages, t.stage_count);
+  t.shaders = list(kLightShaders, t.shader_count);
+  return t;
+}();
+
+}  // namespace
+
+HEDDLE_PLUGIN(kShadow, kSky, kMaterial, kLight)

@@ -1,0 +1,442 @@
+// SPDX-License-Identifier: Apache-2.0
+// The hard cases of role shadow, for shadow_map: closed forms, asked at points through the C API.
+#include "roles/rendering.hpp"
+
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <functional>
+
+namespace {
+
+using namespace rendering;
+
+/// A grid of points that asks `shadow`, relative to the camera, which is at `camera` in the scene.
+struct Patch {
+  dvec3 corner, edge_u, edge_v, normal;
+  dvec3 camera = dvec3(0.0);
+  std::uint32_t light = 0;
+  bool is_sphere = false;    // centre `corner`, radius |edge_u|
+  std::uint32_t grid = 128;  // points a side; also the extent of the main view
+
+  [[nodiscard]] dvec3 point(std::uint32_t x, std::uint32_t y) const {
+    const double u = (x + 0.5) / grid;
+    const double v = (y + 0.5) / grid;
+    return is_sphere ? corner + glm::length(edge_u) * direction(x, y) : corner + u * edge_u + v * edge_v;
+  }
+  [[nodiscard]] dvec3 direction(std::uint32_t x, std::uint32_t y) const {
+    const double elevation = (0.5 - (y + 0.5) / grid) * kPi;
+    const double azimuth = (x + 0.5) / grid * 2.0 * kPi;
+    return {std::sin(azimuth) * std::cos(elevation), std::sin(elevation), -std::cos(azimuth) * std::cos(elevation)};
+  }
+  [[nodiscard]] std::string text() const {
+    return "params.light = " + std::to_string(light) + "\nparams.shape = \"" +
+           (is_sphere ? "sphere" : "parallelogram") + "\"\nparams.corner = " + text_of(corner - camera) +
+           "\nparams.edge_u = " + text_of(edge_u) + "\nparams.edge_v = " + text_of(edge_v) +
+           "\nparams.normal = " + text_of(normal) + "\n";
+  }
+};
+
+/// Visibility on a patch. `passes`: the techniques' [[pass]] texts.
+Image ask(Scene& scene, const Patch& patch, const std::string& passes) {
+  Graph graph("extent = [" + std::to_string(patch.grid) + ", " + std::to_string(patch.grid) +
+              "]\noutput = \"probe.values\"\n" + passes +
+              "[[pass]]\nname = \"probe\"\nrole = \"probe\"\ntechnique = \"shadow\"\n" + patch.text());
+  return graph.image(scene);
+}
+
+std::string shadow_map(const std::string& parameters = "") {
+  return "[[pass]]\nname = \"shadow\"\nrole = \"shadow\"\ntechnique = \"shadow_map\"\n" + parameters;
+}
+
+/// Each value against what `expected` says of its point: 0, 1, or negative where both are right (within the filter).
+void expect_everywhere(const Image& image, const Patch& patch, const std::function<double(const dvec3&)>& expected,
+                       double tolerance = 1e-6) {
+  ASSERT_EQ(image.width, patch.grid);
+  int wrong = 0;
+  int decided = 0;
+  for (std::uint32_t y = 0; y < patch.grid; ++y) {
+    for (std::uint32_t x = 0; x < patch.grid; ++x) {
+      const double value = image.at(x, y);
+      EXPECT_TRUE(value >= 0.0 && value <= 1.0) << value;  // also fails for NaN
+      const double wanted = expected(patch.point(x, y));
+      if (wanted < 0.0) continue;
+      ++decided;
+      if (std::abs(value - wanted) <= tolerance) continue;
+      const dvec3 p = patch.point(x, y);
+      if (++wrong <= 3) ADD_FAILURE() << "at " << text_of(p) << ": " << value << ", expected " << wanted;
+    }
+  }
+  EXPECT_EQ(wrong, 0) << "of " << decided;
+  EXPECT_GT(decided, static_cast<int>(patch.grid * patch.grid / 10)) << "the test decides next to nothing";
+}
+
+HeddleLight spot_at(const dvec3& direction) {
+  HeddleLight record = light(HEDDLE_LIGHT_SPOT, direction);
+  record.cos_outer = 0.75F;  // half angle 41 degrees
+  return record;
+}
+
+// ---- H1 -------------------------------------------------------------------------------------------------------------
+
+struct Acne {
+  const char* name;
+  HeddleLight record;
+  dvec3 position;  // of the light
+};
+
+TEST(ShadowHardCases, H1NoAcneOnAPlaneUpToGrazingLight) {
+  for (const double NoL : {0.05, 0.1, 0.4, 1.0}) {
+    const dvec3 to_light(0.6 * std::sqrt(1 - NoL * NoL), NoL, 0.8 * std::sqrt(1 - NoL * NoL));
+    // 6 m away: the patch, 2 m wide, sees positional lights at about this cosine.
+    for (const Acne& acne :
+         {Acne{"directional", light(HEDDLE_LIGHT_DIRECTIONAL, -to_light), {}},
+          Acne{"spot", spot_at(-to_light), 6.0 * to_light}, Acne{"point", light(HEDDLE_LIGHT_POINT), 6.0 * to_light}}) {
+      for (const char* parameters :
+           {"params.filter_taps = 1\nparams.filter_radius = 0.0\n", "",
+            "params.filter_taps = 25\nparams.filter_radius = 4.0\nparams.resolution = 512\n"}) {
+        SCOPED_TRACE(std::string(acne.name) + " NoL " + std::to_string(NoL) + " " + parameters);
+        Scene scene;
+        scene.add_floor({0, 0, 0}, 30.0);
+        scene.add_light(acne.record, acne.position);
+        scene.look({0, 3, 4}, {0, 0, 0});
+        Patch patch{{-1, 0, -1}, {2, 0, 0}, {0, 0, 2}, {0, 1, 0}};
+        patch.camera = {0, 3, 4};
+        expect_everywhere(ask(scene, patch, shadow_map(parameters)), patch, [](const dvec3&) { return 1.0; });
+      }
+    }
+  }
+}
+
+TEST(ShadowHardCases, H1NoAcneOnASphereUpToGrazingLight) {
+  const dvec3 centre(0, 1, 0);
+  const dvec3 to_light = glm::normalize(dvec3(0.5, 0.7, 0.3));
+  for (const Acne& acne : {Acne{"directional", light(HEDDLE_LIGHT_DIRECTIONAL, -to_light), {}},
+                           Acne{"spot", spot_at(-to_light), centre + 5.0 * to_light},
+                           Acne{"point", light(HEDDLE_LIGHT_POINT), centre + 5.0 * to_light}}) {
+    SCOPED_TRACE(acne.name);
+    Scene scene;
+    scene.add_sphere(centre, 1.0, 256);
+    scene.add_light(acne.record, acne.position);
+    scene.look({0, 3, 6}, {0, 0, 0});
+    Patch patch{centre, {1, 0, 0}, {0, 0, 1}, {0, 1, 0}};
+    patch.camera = {0, 3, 6};
+    patch.is_sphere = true;
+    expect_everywhere(ask(scene, patch, shadow_map()), patch, [&](const dvec3& p) {
+      const dvec3 L = acne.record.type == HEDDLE_LIGHT_DIRECTIONAL ? to_light : glm::normalize(acne.position - p);
+      const double NoL = glm::dot(glm::normalize(p - centre), L);
+      // The mesh's facets are tilted by up to 0.006 to the sphere; between 0 and 0.05 both answers may be right.
+      return NoL >= 0.05 ? 1.0 : NoL <= 0.0 ? 0.0 : -1.0;
+    });
+  }
+}
+
+// ---- H2 -------------------------------------------------------------------------------------------------------------
+
+/// A closed box of 5 cm walls, 2 m wide inside, and what stands around it.
+void add_closed_room(Scene& scene) {
+  constexpr double kWall = 0.05;
+  scene.add_box({-1 - kWall, 0, -1 - kWall}, {1 + kWall, kWall, 1 + kWall});
+  scene.add_box({-1 - kWall, 2, -1 - kWall}, {1 + kWall, 2 + kWall, 1 + kWall});
+  for (const double side : {-1.0, 1.0}) {
+    const double near_face = side;
+    const double far_face = side * (1 + kWall);
+    scene.add_box({std::min(near_face, far_face), kWall, -1 - kWall}, {std::max(near_face, far_face), 2, 1 + kWall});
+    scene.add_box({-1, kWall, std::min(near_face, far_face)}, {1, 2, std::max(near_face, far_face)});
+  }
+  scene.add_floor({0, 0, 0}, 20.0);
+}
+
+TEST(ShadowHardCases, H2ClosedRoomOfFiveCentimetreWallsIsDark) {
+  const dvec3 to_light = glm::normalize(dvec3(0.5, 0.7, 0.3));
+  const dvec3 level = glm::normalize(dvec3(0.9, 0.12, 0.3));
+  // Near enough that the filter is narrower than a wall: README, "Known limits".
+  for (const Acne& acne :
+       {Acne{"directional", light(HEDDLE_LIGHT_DIRECTIONAL, -to_light), {}},
+        Acne{"low directional", light(HEDDLE_LIGHT_DIRECTIONAL, -level), {}},
+        Acne{"spot", spot_at(-to_light), 5.0 * to_light}, Acne{"point", light(HEDDLE_LIGHT_POINT), 5.0 * to_light},
+        Acne{"near point", light(HEDDLE_LIGHT_POINT), {1.2, 1.0, 0.9}}}) {
+    for (const Patch& patch : {Patch{{-1, 0.05, -1}, {2, 0, 0}, {0, 0, 2}, {0, 1, 0}},
+                               Patch{{-1, 0.05, -1}, {0, 1.95, 0}, {0, 0, 2}, {1, 0, 0}},
+                               Patch{{-1, 0.05, -1}, {0, 1.95, 0}, {2, 0, 0}, {0, 0, 1}},
+                               Patch{{-1, 2, -1}, {2, 0, 0}, {0, 0, 2}, {0, -1, 0}}}) {
+      SCOPED_TRACE(std::string(acne.name) + " on " + text_of(patch.normal));
+      Scene scene;
+      add_closed_room(scene);
+      scene.add_light(acne.record, acne.position);
+      scene.look({0, 1, 0.9}, {0, 0.8, 0});
+      Patch placed = patch;
+      placed.camera = {0, 1, 0.9};
+      expect_everywhere(ask(scene, placed, shadow_map("params.distance = 20.0\n")), placed,
+                        [](const dvec3&) { return 0.0; });
+    }
+  }
+}
+
+TEST(ShadowHardCases, H2NoLightCreepsUnderAThinWallOnTheFloor) {
+  // A wall 2 m high, its shadow 2 m long: all of the first 1.5 m behind it is dark, from the wall's foot on.
+  const dvec3 to_light = glm::normalize(dvec3(1, 1, 0));
+  for (const Acne& acne :
+       {Acne{"directional", light(HEDDLE_LIGHT_DIRECTIONAL, -to_light), {}},
+        Acne{"spot", spot_at(-to_light), 5.0 * to_light}, Acne{"point", light(HEDDLE_LIGHT_POINT), 5.0 * to_light}}) {
+    SCOPED_TRACE(acne.name);
+    Scene scene;
+    scene.add_floor({0, 0, 0}, 20.0);
+    scene.add_box({0, 0, -4}, {0.05, 2, 4});
+    scene.add_light(acne.record, acne.position);
+    scene.look({-1, 3, 4}, {0, 0, 0});
+    Patch patch{{-1.5, 0, -1}, {1.5, 0, 0}, {0, 0, 2}, {0, 1, 0}};
+    patch.camera = {-1, 3, 4};
+    expect_everywhere(ask(scene, patch, shadow_map("params.distance = 20.0\n")), patch,
+                      [](const dvec3&) { return 0.0; });
+  }
+}
+
+// ---- closed forms, H3, H5 -------------------------------------------------------------------------------------------
+
+/// The shadow of a sphere, radius 0.5, 1 m over the floor, under a light straight above: a disk round the origin.
+void expect_disk(const dvec3& offset, bool is_directional, const std::string& parameters, double filter_metres) {
+  Scene scene(offset);
+  scene.add_floor({0, 0, 0}, 10.0);
+  scene.add_sphere({0, 1, 0}, 0.5, 128);
+  constexpr double kLightHeight = 4.0;
+  scene.add_light(light(is_directional ? HEDDLE_LIGHT_DIRECTIONAL : HEDDLE_LIGHT_POINT), {0, kLightHeight, 0});
+  const dvec3 camera(0, 2, 4);
+  scene.look(camera, {0, 0, 0});
+  Patch patch{{-1.5, 0, -1.5}, {3, 0, 0}, {0, 0, 3}, {0, 1, 0}};
+  patch.camera = camera;
+  const Image image = ask(scene, patch, shadow_map(parameters));
+  const double to_centre = kLightHeight - 1.0;
+  const double radius = is_directional ? 0.5 : kLightHeight * 0.5 / std::sqrt(to_centre * to_centre - 0.25);
+  expect_everywhere(image, patch, [&](const dvec3& p) {
+    const double r = std::hypot(p.x, p.z);
+    return r > radius + filter_metres ? 1.0 : r < radius - filter_metres ? 0.0 : -1.0;
+  });
+  // The filter is even: area in shadow is that of the disk, within a tenth of the filter's own width.
+  double area = 0;
+  for (std::uint32_t y = 0; y < patch.grid; ++y) {
+    for (std::uint32_t x = 0; x < patch.grid; ++x) area += (1.0 - image.at(x, y)) * 9.0 / (patch.grid * patch.grid);
+  }
+  EXPECT_NEAR(area, kPi * radius * radius, 2.0 * kPi * radius * 0.1 * filter_metres + 0.002);
+}
+
+TEST(ShadowHardCases, ShadowOfASphereIsTheDiskThatGeometrySays) {
+  // First cascade: 6.7 m of view, sphere of 4.5 m and less: texels of at most 9 mm, filter 3 texels.
+  expect_disk({0, 0, 0}, true, "", 0.04);
+  // A face of the cube, 4 m away: 8 mm, 3 texels.
+  expect_disk({0, 0, 0}, false, "", 0.04);
+}
+
+TEST(ShadowHardCases, H5SameShadowAHundredKilometresAway) {
+  const dvec3 far_away(1e5, 0.0, -1e5);
+  expect_disk(far_away, true, "", 0.04);
+  expect_disk(far_away, false, "", 0.04);
+}
+
+TEST(ShadowHardCases, H3ShadowsAlikeOnBothSidesOfEverySeam) {
+  // A ball on the seam between two faces, and on the corner of three, throws a disk on a wall behind it that faces the
+  // light: the values at equal distances from the centre are alike, whichever face they come from.
+  for (const dvec3& towards : {dvec3(1, 1, 0), dvec3(0, -1, 1), dvec3(-1, 0, 1), dvec3(1, 1, 1), dvec3(-1, 1, -1)}) {
+    SCOPED_TRACE(text_of(towards));
+    const dvec3 d = glm::normalize(towards);
+    const dvec3 u = glm::normalize(glm::cross(d, dvec3(0.3, 0.9, -0.2)));
+    const dvec3 v = glm::cross(u, d);
+    Scene scene;
+    scene.add_sphere(2.0 * d, 0.5, 128);
+    scene.add_light(light(HEDDLE_LIGHT_POINT), {0, 0, 0});
+    const dvec3 camera = -3.0 * d;
+    scene.look(camera, {0, 0, 0});
+    Patch patch{4.0 * d - 2.0 * u - 2.0 * v, 4.0 * u, 4.0 * v, -d};
+    patch.camera = camera;
+    const double radius = 4.0 * 0.5 / std::sqrt(4.0 - 0.25);
+    // Texels there are 2 tan / 1024 times the distance along the axis, at most 4 m: 8 mm, wider across a corner.
+    expect_everywhere(ask(scene, patch, shadow_map()), patch, [&](const dvec3& p) {
+      const double r = glm::length(p - 4.0 * d);
+      return r > radius + 0.05 ? 1.0 : r < radius - 0.05 ? 0.0 : -1.0;
+    });
+  }
+}
+
+TEST(ShadowHardCases, H3NoLineOfShadowAlongTheSeamsOfARoom) {
+  // The light stands in a corner of a room: all walls are lit, across every seam of the cube.
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 10.0);
+  scene.add_box({-10, 0, -3.05}, {10, 6, -3});
+  scene.add_box({-3.05, 0, -10}, {-3, 6, 10});
+  scene.add_light(light(HEDDLE_LIGHT_POINT), {-1.5, 1.5, -1.5});
+  const dvec3 camera(3, 3, 3);
+  scene.look(camera, {-3, 0, -3});
+  for (const Patch& patch :
+       {Patch{{-3, 0, -3}, {6, 0, 0}, {0, 0, 6}, {0, 1, 0}}, Patch{{-3, 0, -3}, {6, 0, 0}, {0, 6, 0}, {0, 0, 1}},
+        Patch{{-3, 0, -3}, {0, 6, 0}, {0, 0, 6}, {1, 0, 0}}}) {
+    SCOPED_TRACE(text_of(patch.normal));
+    Patch placed = patch;
+    placed.camera = camera;
+    expect_everywhere(ask(scene, placed, shadow_map()), placed, [](const dvec3&) { return 1.0; });
+  }
+}
+
+// ---- H4 -------------------------------------------------------------------------------------------------------------
+
+TEST(ShadowHardCases, H4LightBelowTheSurfaceOrAtThePointIsZeroOrOne) {
+  for (const dvec3& position : {dvec3(0, -1, 0), dvec3(0, 0, 0), dvec3(0, 1e-7, 0), dvec3(0, 0.01, 0)}) {
+    for (const std::uint32_t type : {HEDDLE_LIGHT_POINT, HEDDLE_LIGHT_SPOT, HEDDLE_LIGHT_SPHERE, HEDDLE_LIGHT_BOX}) {
+      SCOPED_TRACE(text_of(position) + " type " + std::to_string(type));
+      Scene scene;
+      scene.add_floor({0, 0, 0}, 5.0);
+      HeddleLight record = light(type);
+      record.half_extent[0] = record.half_extent[1] = record.half_extent[2] = 0.5F;
+      scene.add_light(record, position);
+      scene.look({0, 3, 4}, {0, 0, 0});
+      // Every point of the grid is the origin.
+      Patch patch{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 1, 0}};
+      patch.camera = {0, 3, 4};
+      for (const char* passes : {"shadow_map", "ray_marched_screen"}) {
+        const Image image =
+            ask(scene, patch,
+                std::string("[[pass]]\nname = \"shadow\"\nrole = \"shadow\"\ntechnique = \"") + passes + "\"\n");
+        EXPECT_TRUE(image.at(0, 0) == 0.0F || image.at(0, 0) == 1.0F) << passes << ' ' << image.at(0, 0);
+        if (position.y < -0.5 && type == HEDDLE_LIGHT_POINT) {
+          EXPECT_EQ(image.at(0, 0), 0.0F);
+        }
+      }
+    }
+  }
+}
+
+// ---- capacity -------------------------------------------------------------------------------------------------------
+
+TEST(ShadowMap, LightsWithoutRoomAreLitAndNamedOnce) {
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 5.0);
+  scene.add_box({-0.5, 1, -0.5}, {0.5, 1.1, 0.5});
+  for (int i = 0; i < 3; ++i) scene.add_light(light(HEDDLE_LIGHT_POINT), {0, 3, 0});
+  scene.look({0, 3, 4}, {0, 0, 0});
+  Patch patch{{-0.1, 0, -0.1}, {0.2, 0, 0}, {0, 0, 0.2}, {0, 1, 0}};
+  patch.camera = {0, 3, 4};
+  for (const std::uint32_t index : {0U, 1U, 2U}) {
+    Host::get().log.clear();
+    patch.light = index;
+    Graph graph("extent = [128, 128]\noutput = \"probe.values\"\n" + shadow_map("params.views = 8\n") +
+                "[[pass]]\nname = \"probe\"\nrole = \"probe\"\ntechnique = \"shadow\"\n" + patch.text());
+    EXPECT_EQ(graph.image(scene).at(64, 64), index == 0 ? 0.0F : 1.0F);
+    graph.render(scene);
+    std::vector<std::string> told;
+    for (const std::string& line : Host::get().log) {
+      if (line.find("depth maps") != std::string::npos) told.push_back(line);
+    }
+    ASSERT_EQ(told.size(), 1U);
+    EXPECT_THAT(told[0],
+                testing::HasSubstr("2 lights find no room among the 8 depth maps and cast no shadow; raise the "
+                                   "parameter 'views'"));
+  }
+}
+
+TEST(ShadowMap, SameInputGivesTheSameBytes) {
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 10.0);
+  scene.add_sphere({0, 1, 0}, 0.5, 64);
+  scene.add_light(light(HEDDLE_LIGHT_POINT), {0.3, 4, 0.2});
+  scene.look({0, 2, 4}, {0, 0, 0});
+  Patch patch{{-1.5, 0, -1.5}, {3, 0, 0}, {0, 0, 3}, {0, 1, 0}};
+  patch.camera = {0, 2, 4};
+  EXPECT_EQ(ask(scene, patch, shadow_map()).pixels, ask(scene, patch, shadow_map()).pixels);
+}
+
+// ---- ray_marched_screen ---------------------------------------------------------------------------------------------
+
+std::string contact(const std::string& parameters = "") {
+  return "[[pass]]\nname = \"gbuffer\"\nrole = \"gbuffer\"\ntechnique = \"raster\"\n"
+         "[[pass]]\nname = \"contact\"\nrole = \"shadow\"\ntechnique = \"ray_marched_screen\"\n" +
+         parameters;
+}
+
+TEST(ContactShadow, H1PlaneDoesNotShadowItselfAtGrazingLightOrView) {
+  for (const double NoL : {0.05, 0.2, 1.0}) {
+    for (const double height : {0.3, 3.0}) {  // of the camera: the view grazes as well
+      for (const double azimuth : {0.0, 1.0, 2.0, 3.1}) {
+        SCOPED_TRACE(std::to_string(NoL) + " " + std::to_string(height) + " " + std::to_string(azimuth));
+        const double level = std::sqrt(1 - NoL * NoL);
+        const dvec3 to_light(level * std::sin(azimuth), NoL, level * std::cos(azimuth));
+        Scene scene;
+        scene.add_floor({0, 0, 0}, 200.0);
+        scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, -to_light));
+        const dvec3 camera(0, height, 4);
+        scene.look(camera, {0, 0, 0});
+        Patch patch{{-1, 0, -1}, {2, 0, 0}, {0, 0, 2}, {0, 1, 0}};
+        patch.camera = camera;
+        patch.grid = 512;
+        expect_everywhere(ask(scene, patch, contact("params.distance = 1.0\nparams.steps = 64\n")), patch,
+                          [](const dvec3&) { return 1.0; });
+      }
+    }
+  }
+}
+
+TEST(ContactShadow, BoxOnTheFloorDarkensItsFootAndNothingElse) {
+  // Light from the left, seen from the front: the floor right of the box is dark within the ray's length.
+  const dvec3 to_light = glm::normalize(dvec3(-1, 1, 0));
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 50.0);
+  scene.add_box({-0.3, 0, -0.3}, {0, 0.3, 0.3});
+  scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, -to_light));
+  const dvec3 camera(0, 1.5, 2.5);
+  scene.look(camera, {0, 0, 0});
+  Patch patch{{0.001, 0, -0.1}, {1, 0, 0}, {0, 0, 0.2}, {0, 1, 0}};
+  patch.camera = camera;
+  patch.grid = 512;
+  const Image image =
+      ask(scene, patch,
+          contact("params.distance = 0.4\nparams.steps = 64\nparams.thickness = 0.5\nparams.dither = false\n"));
+  // The true shadow ends at x = 0.3. The ray meets the box within its first part, where nothing fades, up to 0.15; the
+  // pixels are 6 mm.
+  expect_everywhere(image, patch, [](const dvec3& p) { return p.x < 0.15 ? 0.0 : p.x > 0.33 ? 1.0 : -1.0; });
+}
+
+TEST(ContactShadow, NeverLooksPastTheLight) {
+  // A lamp between floor and ceiling slab: the slab behind the lamp must not shadow, however long the ray.
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 50.0);
+  scene.add_box({-0.5, 0.8, -0.5}, {0.5, 0.9, 0.5});
+  scene.add_light(light(HEDDLE_LIGHT_POINT), {0, 0.5, 0});
+  const dvec3 camera(0, 0.6, 3);
+  scene.look(camera, {0, 0.3, 0});
+  Patch patch{{-0.2, 0, -0.2}, {0.4, 0, 0}, {0, 0, 0.4}, {0, 1, 0}};
+  patch.camera = camera;
+  patch.grid = 512;
+  const std::string parameters = "params.distance = 5.0\nparams.steps = 128\nparams.thickness = 10.0\n";
+  expect_everywhere(ask(scene, patch, contact(parameters)), patch, [](const dvec3&) { return 1.0; });
+}
+
+TEST(ContactShadow, WithoutDepthEverythingIsLit) {
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 5.0);
+  scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, {0.5, -1, 0}));
+  scene.look({0, 3, 4}, {0, 0, 0});
+  Patch patch{{-1, 0, -1}, {2, 0, 0}, {0, 0, 2}, {0, 1, 0}};
+  patch.camera = {0, 3, 4};
+  patch.grid = 512;
+  expect_everywhere(
+      ask(scene, patch, "[[pass]]\nname = \"contact\"\nrole = \"shadow\"\ntechnique = \"ray_marched_screen\"\n"), patch,
+      [](const dvec3&) { return 1.0; });
+}
+
+TEST(ShadowJoin, ProductOfTwoProvidersIsTheProductOfTheirAnswers) {
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 50.0);
+  scene.add_box({-0.3, 0, -0.3}, {0, 0.3, 0.3});
+  scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, {1, -1, 0.2}));
+  const dvec3 camera(0.5, 1.5, 2.5);
+  scene.look(camera, {0, 0, 0});
+  Patch patch{{-0.5, 0, -0.5}, {1, 0, 0}, {0, 0, 1}, {0, 1, 0}};
+  patch.camera = camera;
+  patch.grid = 512;
+  const Image map = ask(scene, patch, shadow_map());
+  const Image screen = ask(scene, patch, contact());
+  const Image both = ask(scene, patch, shadow_map() + contact());
+  for (std::size_t i = 0; i < both.pixels.size(); i += 4) {
+    EXPECT_FLOAT_EQ(both.pixels[i], map.pixels[i] * screen.pixels[i]);
+  }
+}
+
+}  // namespace
