@@ -88,6 +88,16 @@ constexpr heddle_technique kMaterial = [] {
   t.shaders = list(kMaterialShaders, t.shader_count);
   return t;
 }();
+constexpr heddle_parameter kPatternParameters[] = {parameter("white", "1", 0, 1e9, 1, "the ramp's end")};
+constexpr heddle_shader kPatternShaders[] = {compute_shader("ask", "ask", "pattern.comp.glsl")};
+constexpr heddle_technique kPattern = [] {
+  heddle_technique t = technique<Probe>("probe/pattern", "Numbers that techniques must survive", "definition");
+  t.ports = list(kPorts, t.port_count);
+  t.parameters = list(kPatternParameters, t.parameter_count);
+  t.stages = list(kStages, t.stage_count);
+  t.shaders = list(kPatternShaders, t.shader_count);
+  return t;
+}();
 constexpr heddle_technique kLight = [] {
   heddle_technique t = technique<Probe>("probe/light", "A light at points of a parallelogram", "definition");
   t.ports = list(kLightPorts, t.port_count);
@@ -99,4 +109,4 @@ constexpr heddle_technique kLight = [] {
 
 }  // namespace
 
-HEDDLE_PLUGIN(kShadow, kSky, kMaterial, kLight)
+HEDDLE_PLUGIN(kShadow, kSky, kMaterial, kLight, kPattern)

@@ -1,0 +1,218 @@
+// SPDX-License-Identifier: Apache-2.0
+// The hard cases of role gbuffer for gbuffer/raster, and its motion and background.
+#include "roles/rendering.hpp"
+
+namespace {
+
+using namespace rendering;
+
+constexpr std::uint32_t kSize = 128;
+
+struct Frame {
+  Image depth, normal, normal_geometric, base_color, motion;
+};
+
+class Gbuffer {
+ public:
+  explicit Gbuffer(const char* precision = "float32")
+      : graph_(
+            "extent = [128, 128]\noutput = \"gbuffer.depth\"\n[[pass]]\nname = \"gbuffer\"\nrole = "
+            "\"gbuffer\"\ntechnique = \"raster\"\nparams.precision = \"" +
+            std::string(precision) + "\"\n") {
+    for (const char* port : {"gbuffer.normal", "gbuffer.normal_geometric", "gbuffer.base_color", "gbuffer.motion"})
+      graph_.keep(port);
+  }
+  Frame render(Scene& scene) {
+    graph_.render(scene);
+    return {graph_.read("gbuffer.depth"), graph_.read("gbuffer.normal"), graph_.read("gbuffer.normal_geometric"),
+            graph_.read("gbuffer.base_color"), graph_.read("gbuffer.motion")};
+  }
+
+ private:
+  Graph graph_;
+};
+
+dvec3 normal_at(const Image& image, std::uint32_t x, std::uint32_t y) {
+  dvec3 v(image.at(x, y, 0), image.at(x, y, 1), 0.0);
+  v.z = 1.0 - std::abs(v.x) - std::abs(v.y);
+  const double fold = std::max(-v.z, 0.0);
+  v.x -= std::copysign(fold, v.x);
+  v.y -= std::copysign(fold, v.y);
+  return glm::normalize(v);
+}
+
+/// Image plane at distance 1 of a camera that looks along its -Z.
+dvec3 view_ray(std::uint32_t x, std::uint32_t y, double vertical_angle) {
+  const double half = std::tan(0.5 * vertical_angle);
+  return {(2.0 * (x + 0.5) / kSize - 1.0) * half, (1.0 - 2.0 * (y + 0.5) / kSize) * half, -1.0};
+}
+
+TEST(Gbuffer, H1GrazingPlaneKeepsItsDepthWithinOneInAMillion) {
+  Scene scene;
+  scene.add_floor({0, -1, 0}, 200.0);
+  // The lowest ray meets the floor at 1.2 m, the highest at 40 m.
+  const double angle = 0.7, pitch = -0.375;
+  scene.look({0, 0, 0}, {0, std::sin(pitch), -std::cos(pitch)}, angle);
+  const Frame frame = Gbuffer().render(scene);
+  double worst = 0.0;
+  for (std::uint32_t y = 0; y < kSize; ++y)
+    for (std::uint32_t x = 0; x < kSize; ++x) {
+      const dvec3 ray = view_ray(x, y, angle);
+      const double down = -(ray.y * std::cos(pitch) + std::sin(pitch));
+      const double expected = 1.0 / down;
+      worst = std::max(worst, std::abs(static_cast<double>(frame.depth.at(x, y)) / expected - 1.0));
+    }
+  EXPECT_LE(worst, 1e-6);
+  RecordProperty("worst", std::to_string(worst * 1e9) + "e-9");
+}
+
+TEST(Gbuffer, H2AHundredKilometresAwayTheImageIsTheSame) {
+  Frame frames[2];
+  for (int i = 0; i < 2; ++i) {
+    Scene scene(i == 0 ? dvec3(0) : dvec3(1e5, -1e5, 1e5));
+    scene.add_sphere({0.3, 0.1, -3}, 1.0, 32);
+    scene.add_floor({0, -1, 0}, 20.0);
+    scene.look({0, 0, 0}, {0, -0.2, -1}, 0.8);
+    frames[i] = Gbuffer().render(scene);
+  }
+  for (std::uint32_t y = 0; y < kSize; ++y)
+    for (std::uint32_t x = 0; x < kSize; ++x) {
+      const double near_depth = static_cast<double>(frames[0].depth.at(x, y));
+      const double far_depth = static_cast<double>(frames[1].depth.at(x, y));
+      if (std::isinf(near_depth) || std::isinf(far_depth)) {
+        EXPECT_EQ(near_depth, far_depth) << x << ", " << y;
+        continue;
+      }
+      // float64 holds 1e5 m to 1.5e-11 m: what is left is float32's 6e-8, a few times over.
+      EXPECT_NEAR(far_depth, near_depth, 1e-6 * near_depth) << x << ", " << y;
+      EXPECT_LT(glm::length(normal_at(frames[0].normal, x, y) - normal_at(frames[1].normal, x, y)), 1e-5);
+    }
+}
+
+void expect_outward_sphere(const Frame& frame, const dvec3& center, double radius, double angle) {
+  int seen = 0;
+  for (std::uint32_t y = 0; y < kSize; ++y)
+    for (std::uint32_t x = 0; x < kSize; ++x) {
+      const double depth = static_cast<double>(frame.depth.at(x, y));
+      if (std::isinf(depth)) continue;
+      const dvec3 position = view_ray(x, y, angle) * depth;
+      // 2e-3: facets of 128 rings lie below the sphere by (pi / 128)^2 / 2 and their normals are interpolated.
+      EXPECT_NEAR(glm::length(position - center), radius, 2e-3 * radius);
+      EXPECT_LT(glm::length(normal_at(frame.normal_geometric, x, y) - (position - center) / radius), 0.01);
+      EXPECT_LT(position.z, center.z + radius) << "the far side shows";
+      EXPECT_GT(glm::dot(center - position, view_ray(x, y, angle)), -0.05) << "the far side shows";
+      ++seen;
+    }
+  EXPECT_GT(seen, 1000);
+}
+
+TEST(Gbuffer, H3AMirroredInstanceShowsItsFrontAndOutwardNormals) {
+  Scene scene;
+  scene.add_sphere({0, 0, -3}, 1.0, 128);
+  // The same mesh (id 0) once more, mirrored; the first goes out of view.
+  const double mirrored[16] = {-1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.2, 0, -3, 1};
+  const double away[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 100, 1};
+  std::uint32_t id = 0;
+  check(heddle_scene_add_instance(scene.handle, nullptr, 0, mirrored, &id));
+  check(heddle_scene_set_instance(scene.handle, 0, away));
+  scene.look({0, 0, 0}, {0, 0, -1}, 0.9);
+  expect_outward_sphere(Gbuffer().render(scene), {0.2, 0, -3}, 1.0, 0.9);
+}
+
+TEST(Gbuffer, H4ADoubleSidedSurfaceSeenFromBehindFacesTheViewer) {
+  for (const bool from_behind : {false, true}) {
+    Scene scene;
+    HeddleMaterial record = Scene::grey();
+    record.flags = HEDDLE_MATERIAL_DOUBLE_SIDED;
+    scene.use_material(record);
+    scene.add_floor({0, 0, 0}, 5.0);
+    scene.look({0, from_behind ? -2.0 : 2.0, 0}, {0, 0, 0}, 0.8);
+    const Frame frame = Gbuffer().render(scene);
+    const double side = from_behind ? -1.0 : 1.0;
+    for (const Image* image : {&frame.normal, &frame.normal_geometric})
+      EXPECT_LT(glm::length(normal_at(*image, 64, 64) - dvec3(0, side, 0)), 1e-6);
+    EXPECT_NEAR(static_cast<double>(frame.depth.at(64, 64)), 2.0, 1e-6);
+  }
+  // A single-sided one is not there.
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 5.0);
+  scene.look({0, -2, 0}, {0, 0, 0}, 0.8);
+  EXPECT_TRUE(std::isinf(Gbuffer().render(scene).depth.at(64, 64)));
+}
+
+TEST(Gbuffer, H5AMaskedSurfaceHasHolesWhereAlphaIsBelowTheCutoff) {
+  // 8 x 8 texels over 128 x 128 pixels, alpha a checker of 40 and 220: bilinear filtering by hand in between.
+  constexpr std::uint32_t kTexels = 8;
+  std::vector<std::uint8_t> rgba;
+  for (std::uint32_t i = 0; i < kTexels * kTexels; ++i)
+    for (int c = 0; c < 4; ++c)
+      rgba.push_back(static_cast<std::uint8_t>(c < 3 ? 255 : (i % kTexels + i / kTexels) % 2 == 0 ? 40 : 220));
+  Scene scene;
+  heddle_texture texture{};
+  texture.struct_size = sizeof texture;
+  texture.width = texture.height = kTexels;
+  texture.is_srgb = 1;
+  texture.wrap_u = texture.wrap_v = 0;
+  texture.rgba = rgba.data();
+  std::uint32_t texture_id = 0;
+  check(heddle_scene_add_texture(scene.handle, nullptr, &texture, &texture_id));
+  HeddleMaterial record = Scene::grey();
+  record.base_color[0] = record.base_color[1] = record.base_color[2] = 1.0F;
+  record.alpha_mode = HEDDLE_ALPHA_MASK;
+  record.alpha_cutoff = 0.4F;
+  scene.use_material(record, texture_id);
+  scene.add_mesh({-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0}, {}, {0, 1, 2, 0, 2, 3},
+                 glm::translate(dmat4(1.0), dvec3(0, 0, -1)), {0, 1, 1, 1, 1, 0, 0, 0});
+  scene.look({0, 0, 0}, {0, 0, -1}, 0.5 * kPi);
+  const Frame frame = Gbuffer().render(scene);
+  const auto alpha = [&](int x, int y) {
+    const int wrapped_x = (x + 8) % 8, wrapped_y = (y + 8) % 8;
+    return rgba[static_cast<std::size_t>(wrapped_y * 8 + wrapped_x) * 4 + 3] / 255.0;
+  };
+  int holes = 0, solid = 0;
+  for (std::uint32_t y = 0; y < kSize; ++y)
+    for (std::uint32_t x = 0; x < kSize; ++x) {
+      const double u = (x + 0.5) / 16.0 - 0.5, v = (y + 0.5) / 16.0 - 0.5;
+      const int i = static_cast<int>(std::floor(u)), j = static_cast<int>(std::floor(v));
+      const double s = u - i, t = v - j;
+      const double a = (1 - t) * ((1 - s) * alpha(i, j) + s * alpha(i + 1, j)) +
+                       t * ((1 - s) * alpha(i, j + 1) + s * alpha(i + 1, j + 1));
+      if (std::abs(a - 0.4) < 0.006) continue;  // filter weights have 8 bits: 2 x 0.7 / 256
+      EXPECT_EQ(std::isinf(frame.depth.at(x, y)), a < 0.4) << x << ", " << y << " alpha " << a;
+      (a < 0.4 ? holes : solid) += 1;
+    }
+  EXPECT_GT(holes, 2000);
+  EXPECT_GT(solid, 2000);
+}
+
+TEST(GbufferRaster, BackgroundIsInfinitelyFarAndStill) {
+  Scene scene;
+  scene.add_sphere({0, 0, -3}, 0.5, 16);
+  scene.look({0, 0, 0}, {0, 0, -1}, 0.9);
+  for (const char* precision : {"packed", "float32"}) {
+    const Frame frame = Gbuffer(precision).render(scene);
+    EXPECT_TRUE(std::isinf(frame.depth.at(0, 0)) && frame.depth.at(0, 0) > 0.0F);
+    EXPECT_EQ(frame.motion.at(0, 0, 0), 0.0F);
+    EXPECT_EQ(frame.base_color.at(0, 0, 0), 0.0F);
+    EXPECT_NEAR(static_cast<double>(frame.base_color.at(64, 64, 0)), 0.5, 2e-3);  // half a step of sRGB at 0.5
+    EXPECT_EQ(frame.base_color.at(64, 64, 3), 1.0F);
+  }
+}
+
+TEST(GbufferRaster, MotionIsPreviousMinusCurrentPixels) {
+  Scene scene;
+  scene.add_mesh({-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0}, {}, {0, 1, 2, 0, 2, 3},
+                 glm::translate(dmat4(1.0), dvec3(0, 0, -2)));
+  scene.look({0, 0, 0}, {0, 0, -1}, 0.5 * kPi);
+  Gbuffer gbuffer;
+  Frame frame = gbuffer.render(scene);
+  EXPECT_NEAR(static_cast<double>(frame.motion.at(64, 64, 0)), 0.0, 1e-4);
+  // 0.25 m to the right and 0.125 m up at a distance of 2 m, where 4 m are 128 pixels.
+  const double moved[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0.25, 0.125, -2, 1};
+  check(heddle_scene_set_instance(scene.handle, 0, moved));
+  frame = gbuffer.render(scene);
+  EXPECT_NEAR(static_cast<double>(frame.motion.at(64, 64, 0)), -8.0, 1e-3);
+  EXPECT_NEAR(static_cast<double>(frame.motion.at(64, 64, 1)), 4.0, 1e-3);
+}
+
+}  // namespace
