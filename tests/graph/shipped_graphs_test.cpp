@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+// Every file of scripts/graphs resolves, orders, and has its barriers proven, with hand-made descriptors.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+
+#include "graph/hazard_checker.hpp"
+#include "graph/plugin_folder.hpp"
+
+namespace heddle::graph {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::IsEmpty;
+
+std::filesystem::path graphs() {
+  return std::filesystem::path(HEDDLE_SOURCE_DIR) / "scripts" / "graphs";
+}
+
+std::vector<std::string> files() {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(graphs()))
+    if (entry.path().extension() == ".toml") names.push_back(entry.path().stem().string());
+  std::ranges::sort(names);
+  return names;
+}
+
+std::string sequence_of(const ResolvedGraph& graph, const Order& sequence) {
+  std::string text;
+  for (const ScheduledStage& stage : sequence.stages)
+    text += (text.empty() ? "" : " ") + graph.passes[stage.pass].name + "." +
+            graph.passes[stage.pass].entry.technique->stages[stage.stage].name;
+  return text;
+}
+
+class ShippedGraphs : public ::testing::TestWithParam<std::string> {};
+
+TEST_P(ShippedGraphs, ResolveWithEveryBarrierProven) {
+  ResolvedGraph graph = resolve(read_graph(graphs() / (GetParam() + ".toml")), testing::shared_registry());
+  std::vector<ResourceIndex> wanted{graph.output};
+  for (const char* name : {"ao.visibility", "shadow.atlas"})
+    if (std::ranges::any_of(graph.resources, [&](const Resource& r) { return r.name == name; }))
+      wanted.push_back(find_resource(graph, name));
+  prune(graph, wanted, {});
+  const Order sequence = order(graph);
+  std::vector<MemoryNeed> needs;
+  for (const Resource& resource : graph.resources)
+    needs.push_back({resource.type == PortType::kImage && resource.previous_version == kNoIndex
+                         ? std::uint64_t{4} * resource.width * resource.height * resource.layers
+                         : 0,
+                     256});
+  const Placement placement = alias(graph, sequence, needs, wanted);
+  const BarrierPlan plan = plan_barriers(graph, sequence, placement, wanted);
+  EXPECT_THAT(find_hazards(graph, sequence, needs, placement, plan, wanted), IsEmpty());
+  EXPECT_THAT(find_needless_barriers(graph, sequence, needs, placement, plan, wanted), IsEmpty());
+  EXPECT_FALSE(explain_text(graph, sequence, placement, plan).empty());
+}
+
+INSTANTIATE_TEST_SUITE_P(Files, ShippedGraphs, ::testing::ValuesIn(files()),
+                         [](const auto& info) { return info.param; });
+
+TEST(DeferredGraph, RunsInTheOrderThatThePortsDemand) {
+  ResolvedGraph graph = resolve(read_graph(graphs() / "deferred.toml"), testing::shared_registry());
+  prune(graph, std::array{graph.output}, {});
+  EXPECT_EQ(
+      sequence_of(graph, order(graph)),
+      "sky.sun shadow.views sky.sky_map sky.filter gbuffer.draw ao.horizon ao.denoise shadow.draw material.tables "
+      "lighting.light display.encode");
+}
+
+TEST(DeferredGraph, RunsTheSameInWhateverOrderThePassesWithNamedPortsStand) {
+  // With every binding written out, the file's order decides ties only: dependencies come from the ports.
+  WrittenGraph written = read_graph(graphs() / "deferred.toml");
+  const ResolvedGraph graph = resolve(written, testing::shared_registry());
+  for (WrittenPass& pass : written.passes) {
+    const std::string& name = std::get<std::string>(pass.name.value);
+    const auto resolved = std::ranges::find(graph.passes, name, &Pass::name);
+    for (const Port& port : resolved->entry.technique->ports) {
+      if (port.direction == Direction::kOut) continue;
+      const auto& bound = port.direction == Direction::kIn ? resolved->ports : resolved->inout_sources;
+      const auto found = bound.find(port.name);
+      pass.inputs.emplace_back(WrittenKey{port.name, {}, {}},
+                               Written{found == bound.end() ? "none" : graph.resources[found->second].name, {}});
+    }
+    for (const FunctionBinding& binding : resolved->functions) {
+      std::vector<Written> providers;
+      for (const PassIndex p : binding.providers) providers.push_back({graph.passes[p].name, {}});
+      pass.functions.emplace_back(WrittenKey{binding.role, {}, {}}, Written{providers, {}});
+    }
+  }
+  std::ranges::reverse(written.passes);
+  const ResolvedGraph turned = resolve(written, testing::shared_registry());
+  for (const Pass& pass : graph.passes) {
+    const auto other = std::ranges::find(turned.passes, pass.name, &Pass::name);
+    ASSERT_NE(other, turned.passes.end());
+    for (const auto& [port, resource] : pass.ports)
+      EXPECT_EQ(turned.resources[other->ports.at(port)].name, graph.resources[resource].name);
+  }
+  const Order sequence = order(turned);
+  std::vector<std::size_t> last(turned.passes.size(), 0), first(turned.passes.size(), 0);
+  for (std::size_t s = sequence.stages.size(); s-- > 0;) first[sequence.stages[s].pass] = s;
+  for (std::size_t s = 0; s < sequence.stages.size(); ++s) last[sequence.stages[s].pass] = s;
+  const auto index = [&](std::string_view name) {
+    return static_cast<std::size_t>(std::ranges::find(turned.passes, name, &Pass::name) - turned.passes.begin());
+  };
+  EXPECT_LT(last[index("gbuffer")], first[index("ao")]);
+  EXPECT_LT(last[index("ao")], first[index("lighting")]);
+  EXPECT_LT(last[index("shadow")], first[index("lighting")]);
+  EXPECT_LT(last[index("material")], first[index("lighting")]);
+  EXPECT_LT(last[index("lighting")], first[index("display")]);
+}
+
+TEST(ReferenceAo, SwapsOneWord) {
+  const ResolvedGraph deferred = resolve(read_graph(graphs() / "deferred.toml"), testing::shared_registry());
+  const ResolvedGraph reference = resolve(read_graph(graphs() / "reference_ao.toml"), testing::shared_registry());
+  ASSERT_EQ(deferred.passes.size(), reference.passes.size());
+  for (std::size_t p = 0; p < deferred.passes.size(); ++p) {
+    const bool is_ao = deferred.passes[p].name == "ao";
+    EXPECT_EQ(deferred.passes[p].entry.technique == reference.passes[p].entry.technique, !is_ao);
+  }
+}
+
+}  // namespace
+}  // namespace heddle::graph

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// Resolved graphs made by hand, without files or registry, for the stages after resolve.
+#pragma once
+
+#include <deque>
+
+#include "graph/stages.hpp"
+
+namespace heddle::graph::testing {
+
+/// An image, buffer or value access by port name.
+Access touch(std::string port, std::uint32_t access, std::uint32_t load = HEDDLE_LOAD_KEEP);
+
+class SyntheticGraph {
+ public:
+  SyntheticGraph();
+  PassIndex pass(const std::string& name);
+  /// An output port and its resource.
+  ResourceIndex image(PassIndex pass, const std::string& port, std::uint32_t flags = 0);
+  ResourceIndex buffer(PassIndex pass, const std::string& port, std::uint32_t flags = 0);
+  ResourceIndex value(PassIndex pass, const std::string& port);
+  /// An inout port: a new version of `source`.
+  ResourceIndex change(PassIndex pass, const std::string& port, ResourceIndex source);
+  void input(PassIndex pass, const std::string& port, ResourceIndex source, bool is_optional = false);
+  /// A stage; gpu stages get one shader of the kind that calls `calls`, unless they have none (`kind` empty).
+  void gpu(PassIndex pass, const std::string& name, std::vector<Access> accesses,
+           std::optional<ShaderKind> kind = ShaderKind::kCompute, std::vector<std::string> calls = {});
+  void cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses);
+  void provide(PassIndex pass, const std::string& role, std::vector<Access> accesses,
+               std::vector<std::string> calls = {});
+  void bind(PassIndex caller, const std::string& role, std::vector<PassIndex> providers);
+  void need_feature(PassIndex pass, const std::string& feature);
+  void output(ResourceIndex resource) { graph.output = resource; }
+
+  /// "a.main b.main": the order as text.
+  [[nodiscard]] std::string text(const Order& order) const;
+
+  ResolvedGraph graph;
+
+ private:
+  ResourceIndex add(PassIndex pass, const std::string& port, PortType type, Direction direction, std::uint32_t flags);
+  Technique& technique(PassIndex pass) { return techniques_.at(pass); }
+  std::deque<Technique> techniques_;
+  Role role_;
+};
+
+}  // namespace heddle::graph::testing
