@@ -55,7 +55,13 @@ Diagnostic syntax_error(const toml::parse_error& error, std::string_view text, s
   Diagnostic diagnostic;
   diagnostic.where = to_location(error.source(), file);
   const std::string_view line = line_of(text, diagnostic.where.line);
+  // "Error while parsing array: expected ..." -> "this is no TOML: expected ... (in the array)"
+  constexpr std::string_view kPrefix = "Error while parsing ";
   diagnostic.message = std::string(error.description());
+  if (const auto colon = diagnostic.message.find(": ");
+      diagnostic.message.starts_with(kPrefix) && colon != std::string::npos)
+    diagnostic.message = "this is no TOML: " + diagnostic.message.substr(colon + 2) + " (in the " +
+                         diagnostic.message.substr(kPrefix.size(), colon - kPrefix.size()) + ")";
   diagnostic.found = std::string(trimmed(line));
   // "could not determine value type" and the like, which the parser says of words without quotes.
   if (const std::string_view word = bare_word(line); !word.empty()) {
@@ -71,6 +77,8 @@ Diagnostic syntax_error(const toml::parse_error& error, std::string_view text, s
     diagnostic.help = "every pass starts with [[pass]], in two brackets; an earlier one has a single pair";
   } else if (diagnostic.message.find("cannot redefine existing table") != std::string::npos) {
     diagnostic.help = "write either params.NAME = ... for each, or one table with all of them, not both";
+  } else if (diagnostic.message.find("unescaped control characters") != std::string::npos) {
+    diagnostic.help = "a string ends with its quote in the same line";
   } else if (diagnostic.message.find("cannot redefine existing") != std::string::npos) {
     diagnostic.help = "each key is written once";
   }
@@ -202,8 +210,7 @@ WrittenGraph parse(std::string_view text, std::string_view file) {
   Problems problems;
   if (const toml::node* extends = table.get("extends"); extends != nullptr && extends->is_string())
     graph.extends = to_written(*extends, file, problems);
-  const toml::node* passes = table.get("pass");
-  if (passes != nullptr) {
+  if (const toml::node* passes = table.get("pass"); passes != nullptr) {
     if (const toml::array* array = passes->as_array(); array != nullptr && array->is_array_of_tables()) {
       for (const toml::node& pass : *array) read_pass(*pass.as_table(), file, graph, problems);
     } else {
@@ -212,8 +219,9 @@ WrittenGraph parse(std::string_view text, std::string_view file) {
                    "[[pass]], in two brackets, before the keys of each pass");
     }
   }
+  table.erase("pass");  // read already, in its own way
   walk(table, file, kGraphTables, problems, [&](std::span<const WrittenKey> path, Written value) {
-    if (path.front().name != "pass") assign_graph_key(graph, path, std::move(value), problems);
+    assign_graph_key(graph, path, std::move(value), problems);
   });
   if (!graph.extends && !graph.remove.empty())
     problems.add(graph.remove.front().where, "'remove' is for files that extend another",
