@@ -51,17 +51,21 @@ std::string_view bare_word(std::string_view line) {
   return word;
 }
 
+/// "Error while parsing array: expected ..." -> "this is no TOML: expected ... (in the array)".
+std::string plain_description(const toml::parse_error& error) {
+  constexpr std::string_view kPrefix = "Error while parsing ";
+  const std::string_view text = error.description();
+  const auto colon = text.find(": ");
+  if (!text.starts_with(kPrefix) || colon == std::string_view::npos) return std::string(text);
+  return "this is no TOML: " + std::string(text.substr(colon + 2)) + " (in the " +
+         std::string(text.substr(kPrefix.size(), colon - kPrefix.size())) + ")";
+}
+
 Diagnostic syntax_error(const toml::parse_error& error, std::string_view text, std::string_view file) {
   Diagnostic diagnostic;
   diagnostic.where = to_location(error.source(), file);
   const std::string_view line = line_of(text, diagnostic.where.line);
-  // "Error while parsing array: expected ..." -> "this is no TOML: expected ... (in the array)"
-  constexpr std::string_view kPrefix = "Error while parsing ";
-  diagnostic.message = std::string(error.description());
-  if (const auto colon = diagnostic.message.find(": ");
-      diagnostic.message.starts_with(kPrefix) && colon != std::string::npos)
-    diagnostic.message = "this is no TOML: " + diagnostic.message.substr(colon + 2) + " (in the " +
-                         diagnostic.message.substr(kPrefix.size(), colon - kPrefix.size()) + ")";
+  diagnostic.message = plain_description(error);
   diagnostic.found = std::string(trimmed(line));
   // "could not determine value type" and the like, which the parser says of words without quotes.
   if (const std::string_view word = bare_word(line); !word.empty()) {
@@ -183,7 +187,7 @@ void read_pass(const toml::table& table, std::string_view file, WrittenGraph& gr
   if (!is_overlay) {
     if (!table.contains("role") && !text_of(pass.name).empty())
       problems.add(pass.where, label + " has no role", {}, "role = \"...\"");
-    if (!table.contains("technique"))
+    if (!table.contains("technique") && !text_of(pass.name).empty())
       problems.add(pass.where, label + " has no technique", {}, "technique = \"...\", or \"none\"");
     for (const auto* place : {&pass.after, &pass.before})
       if (*place)
@@ -261,7 +265,7 @@ std::optional<Written> parse_value(std::string_view text, const Location& where,
     if (is_word)
       return Written{std::string(value), shift({where.file, 1, static_cast<std::uint32_t>(kBefore.size()) + 1})};
     problems.add(value.empty() ? where : shift(to_location(error.source(), where.file)),
-                 value.empty() ? "the value is missing" : std::string(error.description()), std::string(value),
+                 value.empty() ? "the value is missing" : plain_description(error), std::string(value),
                  "a value of TOML, or a word");
     return std::nullopt;
   }

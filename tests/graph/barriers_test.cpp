@@ -11,6 +11,8 @@
 namespace heddle::graph {
 namespace {
 
+using testing::find_hazards;
+using testing::find_needless_barriers;
 using ::testing::IsEmpty;
 using testing::SyntheticGraph;
 using testing::touch;

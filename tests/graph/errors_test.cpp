@@ -58,7 +58,7 @@ TEST(ErrorFiles, HaveAnExpectationForEveryFile) {
   EXPECT_EQ(files, causes());
 }
 
-INSTANTIATE_TEST_SUITE_P(Graph, Errors, ::testing::ValuesIn(causes()), [](const auto& info) { return info.param; });
+INSTANTIATE_TEST_SUITE_P(Graph, Errors, ::testing::ValuesIn(causes()), [](const auto& test) { return test.param; });
 
 }  // namespace
 }  // namespace heddle::graph

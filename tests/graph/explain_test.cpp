@@ -40,7 +40,7 @@ TEST(Explain, SaysWhatStaysAndWhy) {
   EXPECT_THAT(
       text,
       HasSubstr("barrier 'ao.noisy' compute (storage_write) -> compute (sampled_read), general -> shader_read_only\n"));
-  EXPECT_THAT(text, HasSubstr("gbuffer.depth           r32f 64 x 32         heap at "));
+  EXPECT_THAT(text, HasSubstr("gbuffer.depth             r32f 64 x 32        heap at "));
   EXPECT_THAT(text, HasSubstr("5 stages"));
 }
 

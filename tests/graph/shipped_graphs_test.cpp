@@ -11,6 +11,8 @@ namespace heddle::graph {
 namespace {
 
 using ::testing::ElementsAre;
+using testing::find_hazards;
+using testing::find_needless_barriers;
 using ::testing::IsEmpty;
 
 std::filesystem::path graphs() {
@@ -57,7 +59,7 @@ TEST_P(ShippedGraphs, ResolveWithEveryBarrierProven) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Files, ShippedGraphs, ::testing::ValuesIn(files()),
-                         [](const auto& info) { return info.param; });
+                         [](const auto& test) { return test.param; });
 
 TEST(DeferredGraph, RunsInTheOrderThatThePortsDemand) {
   ResolvedGraph graph = resolve(read_graph(graphs() / "deferred.toml"), testing::shared_registry());
