@@ -101,9 +101,13 @@ std::string without_suffixes(std::string_view message, const JoinedText& join) {
   return out;
 }
 
-// "'foo' : undeclared identifier" -> "'foo': undeclared identifier"; "'' : x" -> "x".
+// "'foo' : undeclared identifier" -> "'foo': undeclared identifier"; "'' : x" -> "x"; of a missing file only what
+// SourceSet said.
 std::string tidy(std::string message) {
   if (message.starts_with("'' : ")) message = message.substr(5);
+  if (message.starts_with("'#include' : ")) {
+    message = message.substr(13, message.rfind(" for header name: ") - 13);
+  }
   if (const std::size_t at = message.find("' : "); at != std::string::npos) message.replace(at, 4, "': ");
   const auto last = message.find_last_not_of(" \n");
   return message.substr(0, last == std::string::npos ? 0 : last + 1);
@@ -144,7 +148,11 @@ std::vector<Diagnostic> diagnostics_of(const std::string& messages, const Joined
       diagnostic.help =
           "this text is written by the host, from the descriptors of ports and parameters and from role.toml";
     }
-    if (out.size() < kErrorsShown) out.push_back(std::move(diagnostic));
+    // What the compiler says next about the same line follows from the first.
+    const bool is_new = std::none_of(out.begin(), out.end(), [&](const Diagnostic& earlier) {
+      return earlier.where.file == diagnostic.where.file && earlier.where.line == diagnostic.where.line;
+    });
+    if (is_new && out.size() < kErrorsShown) out.push_back(std::move(diagnostic));
   }
   if (out.empty()) {
     Diagnostic diagnostic;

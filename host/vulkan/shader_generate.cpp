@@ -314,7 +314,8 @@ class Declarer {
     for (std::uint32_t i = 0; i < all.size(); ++i) {
       if (!is_constant(all[i])) continue;
       const std::string name = declared("constant_" + all[i].name);
-      const std::uint32_t id = scope_.first_constant + i;
+      const std::uint32_t id =
+          scope_.first_constant ? *scope_.first_constant + static_cast<std::uint32_t>(out_.constants.size()) : i;
       const double value = all[i].default_value[0];
       out_.constants.push_back({id, std::string(scope_.pass), i});
       switch (all[i].type) {

@@ -32,7 +32,7 @@ const SourceFile* SourceSet::find(std::string_view requested, std::string_view r
     if (const auto found = join_.role_glsl.find(role); found != join_.role_glsl.end()) {
       return generated(name, found->second);
     }
-    problem = fmt::format("role '{}' is not among the `calls` of {}", role, describe(request));
+    problem = fmt::format("role '{}' is included and is not among its `calls`", role);
     return nullptr;
   }
   if (name.starts_with("provider/")) {

@@ -157,21 +157,20 @@ class Joiner {
         }
       }
     }
-    const std::vector<Token>& tokens = file.scan.tokens;
     int depth = 0;
-    for (std::size_t i = 0; i < tokens.size(); ++i) {
-      if (tokens[i].directive >= 0) continue;
-      const std::string_view text = tokens[i].text;
+    bool has_layout = false;  // in this statement: one message for one cause
+    for (const Token& token : file.scan.tokens) {
+      if (token.directive >= 0) continue;
+      const std::string_view text = token.text;
       depth += text == "{" || text == "(" ? 1 : text == "}" || text == ")" ? -1 : 0;
-      if (text == "layout") {
-        complain(file.path, {tokens[i].line, fmt::format("{} has layout()", who), "", "",
+      if (text == ";" || text == "}") has_layout = has_layout && depth > 0;
+      if (text == "layout" && !has_layout) {
+        has_layout = true;
+        complain(file.path, {token.line, fmt::format("{} has layout()", who), "", "",
                              "remove it: the host binds the ports that the function's descriptor lists"});
-      } else if (depth == 0 && (text == "uniform" || text == "buffer")) {
-        const bool has_layout = i > 0 && tokens[i - 1].text == ")";
-        if (!has_layout) {
-          complain(file.path, {tokens[i].line, fmt::format("{} declares a {} of its own", who, text), "", "",
-                               "list a port in the function's descriptor: it is declared for the text"});
-        }
+      } else if (depth == 0 && !has_layout && (text == "uniform" || text == "buffer")) {
+        complain(file.path, {token.line, fmt::format("{} declares a {} of its own", who, text), "", "",
+                             "list a port in the function's descriptor: it is declared for the text"});
       }
     }
     check_image_parameters(file.path, file.scan, who);
@@ -318,7 +317,7 @@ class Joiner {
       scope.suffix = provider.suffix;
       scope.set = kSetOfProviders;
       scope.first_binding = next_binding_;
-      scope.first_constant = static_cast<std::uint32_t>(provider.index + 1) * kConstantsOfProvider;
+      scope.first_constant = kConstantsOfProviders + static_cast<std::uint32_t>(join_.constants.size());
       Declarations declared = declare(scope);
       next_binding_ += static_cast<std::uint32_t>(declared.bindings.size());
       provider.names.insert(declared.names.begin(), declared.names.end());

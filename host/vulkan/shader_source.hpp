@@ -16,8 +16,8 @@ inline constexpr std::uint32_t kSetOfCaller = 0, kSetOfProviders = 1, kSetOfMate
 inline constexpr std::uint32_t kBindingOfMaterials = 2, kBindingOfView = 3;  // in kSetOfProgram
 /// Bytes of push constants that a shader may declare (plugin.h).
 inline constexpr std::uint32_t kPushBytes = 64;
-/// Provider k of a join (counted over all roles) has specialization constants from (k + 1) times this on.
-inline constexpr std::uint32_t kConstantsOfProvider = 1024;
+/// Specialization constants of providers are numbered from here on; the compiler allows ids below 2048.
+inline constexpr std::uint32_t kConstantsOfProviders = 1024;
 
 // ---- shader_generate.cpp ----
 
@@ -30,7 +30,8 @@ struct Scope {
   std::string_view suffix;  // behind every name; "" for callers
   std::uint32_t set = 0;
   std::uint32_t first_binding = 0;
-  std::uint32_t first_constant = 0;
+  // Id of the first constant; the others follow. Without: the caller's, whose ids are the parameters' indices.
+  std::optional<std::uint32_t> first_constant;
 };
 struct Declarations {
   std::string text;
