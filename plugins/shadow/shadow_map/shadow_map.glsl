@@ -102,17 +102,17 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
     texel_size *= max(size.x, max(size.y, size.z));
   }
 
-  vec3 axis = view.axis;
-  if (layout_kind == kLayoutCube) axis = load_shadow_map_view(slot.x + cube_face(from_light)).axis;
-  float along = dot(normal, axis);
+  if (layout_kind == kLayoutCube) {
+    // The face of the point itself, also for the lookup: the offset is made for this face's plane, and the guard holds
+    // lookups that it moves across the seam.
+    index = slot.x + cube_face(from_light);
+    view = load_shadow_map_view(index);
+  }
+  float along = dot(normal, view.axis);
   float normal_across = sqrt(max(1.0 - along * along, 0.0));
   float offset =
       normal_offset(params.filter_radius, texel_size, normal_across, length(position_rel) + light_distance);
   vec3 lookup = position_rel + normal * offset;
-  if (layout_kind == kLayoutCube) {
-    index = slot.x + cube_face(lookup - view.eye_rel);
-    view = load_shadow_map_view(index);
-  }
   vec4 clip = view.clip_from_rel * vec4(lookup, 1.0);
   if (clip.w <= 0.0) return 1.0;
   vec3 ndc = clip.xyz / clip.w;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sky map -> irradiance on planes of every orientation, over the sun's illuminance.
-// threads 8x8, one a texel; loop over four times `filter_samples`
+// threads 8x8, one a texel; loop over sixteen times `filter_samples` (<= 32768)
 #include "pass.glsl"
 #include "sky_mapping.glsl"
 #include "filter.glsl"
@@ -14,7 +14,7 @@ void main() {
   float horizon = horizon_elevation(params.altitude * 1e-3);
   vec3 N = sky_direction(filtered_angles(texel, false, vec2(size)));
   vec3 sum = vec3(0.0);
-  uint count = 4u * uint(params.filter_samples);
+  uint count = 16u * uint(params.filter_samples);
   for (uint i = 0u; i < count; ++i) {
     vec2 u = hammersley(i, count);
     vec3 L = around(N, sqrt(1.0 - u.x), u.y);

@@ -26,8 +26,8 @@ constexpr heddle_parameter kParameters[] = {
     parameter("altitude", "m", 0, 90000, 0, "of the viewer above that ground"),
     toggle("multiple_scattering", true, "light that was scattered twice and more, approximately"),
     knob(integer("samples", "1", 4, 512, 32, "stretches that each ray through the air is cut into"), kSamplesLadder),
-    knob(integer("filter_samples", "1", 16, 4096, 256,
-                 "directions that each filtered texel takes; irradiance four times"),
+    knob(integer("filter_samples", "1", 16, 2048, 256,
+                 "directions that each filtered texel takes; irradiance sixteen times"),
          kFilterSamplesLadder),
 };
 

@@ -49,6 +49,12 @@ std::string shadow_map(const std::string& parameters = "") {
   return "[[pass]]\nname = \"shadow\"\nrole = \"shadow\"\ntechnique = \"shadow_map\"\n" + parameters;
 }
 
+std::string contact(const std::string& parameters = "") {
+  return "[[pass]]\nname = \"gbuffer\"\nrole = \"gbuffer\"\ntechnique = \"raster\"\n"
+         "[[pass]]\nname = \"contact\"\nrole = \"shadow\"\ntechnique = \"ray_marched_screen\"\n" +
+         parameters;
+}
+
 /// Each value against what `expected` says of its point: 0, 1, or negative where both are right (within the filter).
 void expect_everywhere(const Image& image, const Patch& patch, const std::function<double(const dvec3&)>& expected,
                        double tolerance = 1e-6) {
@@ -291,13 +297,11 @@ TEST(ShadowHardCases, H4LightBelowTheSurfaceOrAtThePointIsZeroOrOne) {
       // Every point of the grid is the origin.
       Patch patch{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 1, 0}};
       patch.camera = {0, 3, 4};
-      for (const char* passes : {"shadow_map", "ray_marched_screen"}) {
-        const Image image =
-            ask(scene, patch,
-                std::string("[[pass]]\nname = \"shadow\"\nrole = \"shadow\"\ntechnique = \"") + passes + "\"\n");
-        EXPECT_TRUE(image.at(0, 0) == 0.0F || image.at(0, 0) == 1.0F) << passes << ' ' << image.at(0, 0);
+      for (const std::string& passes : {shadow_map(), contact()}) {
+        const Image image = ask(scene, patch, passes);
+        EXPECT_TRUE(image.at(0, 0) == 0.0F || image.at(0, 0) == 1.0F) << passes << image.at(0, 0);
         if (position.y < -0.5 && type == HEDDLE_LIGHT_POINT) {
-          EXPECT_EQ(image.at(0, 0), 0.0F);
+          EXPECT_EQ(image.at(0, 0), 0.0F) << passes;
         }
       }
     }
@@ -345,16 +349,10 @@ TEST(ShadowMap, SameInputGivesTheSameBytes) {
 
 // ---- ray_marched_screen ---------------------------------------------------------------------------------------------
 
-std::string contact(const std::string& parameters = "") {
-  return "[[pass]]\nname = \"gbuffer\"\nrole = \"gbuffer\"\ntechnique = \"raster\"\n"
-         "[[pass]]\nname = \"contact\"\nrole = \"shadow\"\ntechnique = \"ray_marched_screen\"\n" +
-         parameters;
-}
-
 TEST(ContactShadow, H1PlaneDoesNotShadowItselfAtGrazingLightOrView) {
-  for (const double NoL : {0.05, 0.2, 1.0}) {
+  for (const double NoL : {0.05, 0.3}) {
     for (const double height : {0.3, 3.0}) {  // of the camera: the view grazes as well
-      for (const double azimuth : {0.0, 1.0, 2.0, 3.1}) {
+      for (const double azimuth : {0.0, 1.4, 3.1}) {
         SCOPED_TRACE(std::to_string(NoL) + " " + std::to_string(height) + " " + std::to_string(azimuth));
         const double level = std::sqrt(1 - NoL * NoL);
         const dvec3 to_light(level * std::sin(azimuth), NoL, level * std::cos(azimuth));
