@@ -110,8 +110,7 @@ TEST(SkyHardCases, H3NightIsDarkAndTwilightIsNot) {
 TEST(SkyHardCases, H2IrradianceIsTheCosineIntegralOfRadiance) {
   for (const char* elevation : {"1.2", "0.5", "0.05"}) {
     SCOPED_TRACE(elevation);
-    Sky sky("procedural", std::string("params.sun_elevation = ") + elevation + "
-");
+    Sky sky("procedural", std::string("params.sun_elevation = ") + elevation + "\n");
     const Image radiance = sky.ask("radiance");
     const Image irradiance = sky.ask("irradiance");
     for (std::uint32_t y = 3; y < kHeight; y += 20) {
