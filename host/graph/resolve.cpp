@@ -230,12 +230,13 @@ class Resolver {
       return {};
     }
     if (entry->fate == Entry::Fate::kBroken) return {};
-    if (entry->fate == Entry::Fate::kLeftOut) {
-      const RolePort* contract = entry->role->find_port(port);
+    const RolePort* contract = entry->role->find_port(port);
+    const bool is_present = entry->fate == Entry::Fate::kPresent;
+    if (!is_present || entry->technique.technique->find_port(port) == nullptr) {
       // Nobody changed it: whoever asks for the changed one gets what would have been changed.
       if (contract != nullptr && contract->direction == Direction::kInout)
         return default_source(static_cast<std::size_t>(entry - entries_.data()), port);
-      return {Source::Kind::kAbsent, kNoIndex};
+      if (!is_present) return {Source::Kind::kAbsent, kNoIndex};
     }
     const auto& ports = graph_.passes[entry->pass].ports;
     const Port* made = entry->technique.technique->find_port(port);

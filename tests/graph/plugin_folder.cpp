@@ -111,10 +111,8 @@ Technique sky_procedural() {
 }
 
 Technique sky_uniform() {
-  Technique t = technique("sky/uniform");
-  t.ports = {port("lights", PortType::kValue, Direction::kInout)};
+  Technique t = technique("sky/uniform");  // leaves the lights alone, so it has no such port
   t.parameters = {parameter("radiance", ParameterType::kColor, "cd/m^2", 0, 1e9, 1)};
-  t.stages = {{"lights", StageKind::kCpu, {value("lights")}}};
   t.functions = {{"sky", "uniform.glsl", {}, {}, false}};
   return t;
 }

@@ -150,6 +150,10 @@ TEST(Resolve, PassesOnWhatALeftOutPassWouldHaveChanged) {
   const ResolvedGraph graph = with_settings({"lighting.inputs.lights=sky.lights", "sky.technique=none"}, kShadows);
   EXPECT_EQ(bound(graph, "lighting", "lights"), "scene.lights");
   EXPECT_THAT(providers(graph, "lighting", "sky"), IsEmpty());
+  // The same of a technique that leaves its role's inout port out.
+  const ResolvedGraph uniform = with_settings({"lighting.inputs.lights=sky.lights", "sky.technique=uniform"}, kShadows);
+  EXPECT_EQ(bound(uniform, "lighting", "lights"), "scene.lights");
+  EXPECT_THAT(providers(uniform, "lighting", "sky"), ElementsAre("sky"));
 }
 
 TEST(Resolve, ChangesInPlaceInTheOrderOfTheFile) {
