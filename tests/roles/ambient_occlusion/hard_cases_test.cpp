@@ -25,7 +25,8 @@ Json list() {
 }
 
 std::vector<std::string> techniques() {
-  for (const Json& role : list()["roles"]) {
+  const Json all = list();
+  for (const Json& role : all["roles"]) {
     if (role["name"] == "ambient_occlusion") {
       std::vector<std::string> names = role["techniques"].get<std::vector<std::string>>();
       std::erase(names, "none");
@@ -66,6 +67,10 @@ std::vector<Shape> corner() {
           rendering::flat(shapes::quad({-2, 2, 0}, {0, 0, -4}, {0, 2, 0})), ball({0.2, 0.6, -0.8}, 0.6, 5)};
 }
 const Camera kCornerCamera{{2.0, 1.8, 2.5}, {-0.4, 0.5, -1.0}, 0.9, 0.01, false};
+
+// Least visibility of a convex ball: only the angle between smooth normals and facets, 0.5 degrees here, closes
+// anything, 2e-5 of the hemisphere, which one ray of the default 64 may happen to hit.
+constexpr float kConvex = 1.0F - 1.0F / 64.0F;
 
 void expect_in_range(const Image& image) {
   for (const float value : image.pixels) {
@@ -135,17 +140,19 @@ TEST_P(HardCases, H3APixelWithoutSurfaceIsOpenAndDoesNotDarkenItsNeighbours) {
   const Image image = graph.render(scene, "ao.visibility");
   const Image depth = graph.read("gbuffer.depth");
   int background = 0;
+  double closed = 0.0;
   for (std::uint32_t y = 0; y < kSize; ++y) {
     for (std::uint32_t x = 0; x < kSize; ++x) {
       if (std::isinf(depth.at(x, y))) {
         ++background;
         EXPECT_EQ(image.at(x, y), 1.0F) << x << " " << y;
       } else {
-        // A convex body: only the angle between smooth normals and facets (0.5 degrees here) closes anything.
-        EXPECT_GE(image.at(x, y), 1.0F - 3e-3F) << x << " " << y;
+        EXPECT_GE(image.at(x, y), kConvex) << x << " " << y;
+        closed += 1.0 - static_cast<double>(image.at(x, y));
       }
     }
   }
+  EXPECT_LT(closed / (kSize * kSize - background), 1e-3);
   EXPECT_GT(background, 1000);
   EXPECT_LT(background, static_cast<int>(kSize * kSize) - 1000);
 }
@@ -157,7 +164,7 @@ TEST_P(HardCases, H3AnEdgeInFrontOfAFarWallLeavesTheWallOpen) {
   scene.add(rendering::flat(shapes::quad({0, 0, -15}, {30, 0, 0}, {0, 30, 0})));
   scene.look({{0, 0, 0}, {0, 0, -1}, 0.9, 0.01, false});
   Graph graph(GetParam(), kSize, "params.radius = 1");
-  EXPECT_GE(graph.render(scene).least(), 1.0F - 3e-3F);
+  EXPECT_GE(graph.render(scene).least(), kConvex);
 }
 
 TEST_P(HardCases, H4ASurfaceFarAwayAndOneAtTheNearPlaneGiveValuesInRange) {
@@ -252,7 +259,8 @@ TEST_P(HardCases, NobodyWhoReadsItCostsNothing) {
   scene.look({{0, 2, 0}, {1, 1, 0}, 0.7, 0.01, false});
   Graph graph(GetParam(), kSize, "", "gbuffer.depth");
   static_cast<void>(graph.render(scene));
-  for (const Json& library : Json::parse(graph.stats())["libraries"]) {
+  const Json stats = Json::parse(graph.stats());
+  for (const Json& library : stats["libraries"]) {
     EXPECT_EQ(library.get<std::string>().find("ambient_occlusion"), std::string::npos) << library;
   }
 }
