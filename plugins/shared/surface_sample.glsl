@@ -19,17 +19,29 @@ struct SurfaceSample {
   bool is_unlit;
 };
 
-vec2 surface_uv(HeddleMaterial material, uint slot) {
-  vec2 uv = (material.texture_uv_sets & (1u << slot)) != 0u ? surface.uv1 : surface.uv0;
-  vec4 m = material.uv_rotation_scale;
-  return mat2(m.xy, m.zw) * uv + material.uv_offset;
+// How far the texture coordinates move from pixel to pixel; taken outside of any branch. From the interpolated coordinates
+// alone: what helper invocations load from buffers is 0 on some drivers, so transformed ones have no derivatives there.
+struct SurfaceFootprint {
+  vec2 uv0_dx, uv0_dy, uv1_dx, uv1_dy;
+};
+
+SurfaceFootprint surface_footprint() {
+  return SurfaceFootprint(dFdx(surface.uv0), dFdy(surface.uv0), dFdx(surface.uv1), dFdy(surface.uv1));
 }
 
-vec4 surface_base_color(HeddleMaterial material) {
+vec4 sample_material(sampler2DArray textures, HeddleMaterial material, SurfaceFootprint footprint, uint slot, uint layer) {
+  bool uses_uv1 = (material.texture_uv_sets & (1u << slot)) != 0u;
+  mat2 m = mat2(material.uv_rotation_scale.xy, material.uv_rotation_scale.zw);
+  vec2 uv = m * (uses_uv1 ? surface.uv1 : surface.uv0) + material.uv_offset;
+  return textureGrad(textures, vec3(uv, float(layer)), m * (uses_uv1 ? footprint.uv1_dx : footprint.uv0_dx),
+                     m * (uses_uv1 ? footprint.uv1_dy : footprint.uv0_dy));
+}
+
+vec4 surface_base_color(HeddleMaterial material, SurfaceFootprint footprint) {
   vec4 color = material.base_color * surface.color;
   uint layer = material.texture_layer[HEDDLE_TEXTURE_BASE_COLOR];
   if (layer != HEDDLE_NO_TEXTURE)
-    color *= texture(texture_base_color, vec3(surface_uv(material, HEDDLE_TEXTURE_BASE_COLOR), float(layer)));
+    color *= sample_material(texture_base_color, material, footprint, HEDDLE_TEXTURE_BASE_COLOR, layer);
   return color;
 }
 
@@ -44,12 +56,11 @@ vec3 surface_normal_geometric() {
 }
 
 // The back of a surface shows the same bumps from behind: the whole normal turns, not only its base.
-vec3 surface_normal(HeddleMaterial material) {
+vec3 surface_normal(HeddleMaterial material, SurfaceFootprint footprint) {
   vec3 normal = surface.normal;
   uint layer = material.texture_layer[HEDDLE_TEXTURE_NORMAL];
   if (layer != HEDDLE_NO_TEXTURE && dot(surface.tangent.xyz, surface.tangent.xyz) > 0.0) {
-    vec2 uv = surface_uv(material, HEDDLE_TEXTURE_NORMAL);
-    vec3 bump = texture(texture_normal, vec3(uv, float(layer))).xyz * 2.0 - 1.0;
+    vec3 bump = sample_material(texture_normal, material, footprint, HEDDLE_TEXTURE_NORMAL, layer).xyz * 2.0 - 1.0;
     bump.xy *= material.normal_scale;
     vec3 bitangent = surface.tangent.w * cross(surface.normal, surface.tangent.xyz);
     normal = bump.x * surface.tangent.xyz + bump.y * bitangent + bump.z * surface.normal;
@@ -60,33 +71,30 @@ vec3 surface_normal(HeddleMaterial material) {
 
 SurfaceSample sample_surface(HeddleMaterial material) {
   SurfaceSample s;
-  vec4 base = surface_base_color(material);
+  SurfaceFootprint footprint = surface_footprint();
+  vec4 base = surface_base_color(material, footprint);
   s.base_color = base.rgb;
   s.alpha = base.a;
   s.metalness = material.metalness;
   s.roughness = material.roughness;
   uint layer = material.texture_layer[HEDDLE_TEXTURE_METALLIC_ROUGHNESS];
   if (layer != HEDDLE_NO_TEXTURE) {
-    vec2 uv = surface_uv(material, HEDDLE_TEXTURE_METALLIC_ROUGHNESS);
-    vec4 texel = texture(texture_metallic_roughness, vec3(uv, float(layer)));
+    vec4 texel = sample_material(texture_metallic_roughness, material, footprint, HEDDLE_TEXTURE_METALLIC_ROUGHNESS, layer);
     s.roughness *= texel.g;
     s.metalness *= texel.b;
   }
   s.normal_geometric = surface_normal_geometric();
-  s.normal = surface_normal(material);
+  s.normal = surface_normal(material, footprint);
   s.occlusion = 1.0;
   layer = material.texture_layer[HEDDLE_TEXTURE_OCCLUSION];
   if (layer != HEDDLE_NO_TEXTURE) {
-    vec2 uv = surface_uv(material, HEDDLE_TEXTURE_OCCLUSION);
-    float texel = texture(texture_occlusion, vec3(uv, float(layer))).r;
+    float texel = sample_material(texture_occlusion, material, footprint, HEDDLE_TEXTURE_OCCLUSION, layer).r;
     s.occlusion = 1.0 + material.occlusion_strength * (texel - 1.0);
   }
   s.emissive = material.emissive;
   layer = material.texture_layer_4;
-  if (layer != HEDDLE_NO_TEXTURE) {
-    vec2 uv = surface_uv(material, HEDDLE_TEXTURE_EMISSIVE);
-    s.emissive *= texture(texture_emissive, vec3(uv, float(layer))).rgb;
-  }
+  if (layer != HEDDLE_NO_TEXTURE)
+    s.emissive *= sample_material(texture_emissive, material, footprint, HEDDLE_TEXTURE_EMISSIVE, layer).rgb;
   s.ior = material.ior;
   s.is_unlit = (material.flags & HEDDLE_MATERIAL_UNLIT) != 0u;
   return s;
