@@ -45,20 +45,6 @@ std::string glsl_vec4(const json& numbers) {
   return "vec4(" + text + ")";
 }
 
-std::string pascal_case(std::string_view name) {
-  std::string result;
-  bool is_start = true;
-  for (const char c : name) {
-    if (c == '_') {
-      is_start = true;
-    } else {
-      result += is_start && c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
-      is_start = false;
-    }
-  }
-  return result;
-}
-
 /// A port of the role that the template uses, and how.
 struct UsedPort {
   const json* role = nullptr;
@@ -155,23 +141,24 @@ class Template {
   }
 
   std::string pass_cpp() const {
-    const std::string type = has_shader_ ? pascal_case(name_) : "Nothing";
+    const std::string type = has_shader_ ? "Pass" : "Nothing";
     std::string text = fmt::format(
         "// SPDX-License-Identifier: Apache-2.0\n// {}.\n#include <heddle/pass.hpp>\n\nnamespace {{\n\n"
         "using namespace heddle::pass;\n\n",
         first_line());
     if (!ports_.empty()) {
-      if (has_shader_) text += "// Formats hold any value: choose the smallest that holds the range.\n";
+      text += fmt::format("// What each port means, unit and range: plugins/{}/role.toml.", role_name_);
+      text += has_shader_ ? " A smaller format may hold the range.\n" : "\n";
       text += "constexpr heddle_port kPorts[] = {\n";
       for (const UsedPort& port : ports_) {
-        text += fmt::format("    {}(\"{}\", {}{}{}),\n", port.builder, port.name,
-                            port.is_output ? std::string(kFormat) + ", " : "", c_literal(text_of(*port.role, "help")),
+        text += fmt::format("    {}(\"{}\", {}nullptr{}),\n", port.builder, port.name,
+                            port.is_output ? std::string(kFormat) + ", " : "",
                             port.is_optional ? ", HEDDLE_PORT_OPTIONAL" : "");
       }
       text += "};\n";
     }
     if (has_shader_) {
-      text += fmt::format("constexpr heddle_access kAccesses[] = {{{}}};\n", accesses_cpp(stage_ports_));
+      text += fmt::format("constexpr heddle_access kAccesses[] = {{\n{}}};\n", accesses_cpp(stage_ports_));
       text += "constexpr heddle_stage kStages[] = {gpu_stage(\"main\", kAccesses)};\n";
       text += fmt::format("constexpr heddle_shader kShaders[] = {{compute_shader(\"main\", \"main\", \"{}\")}};\n",
                           shader_file());
@@ -179,7 +166,7 @@ class Template {
     if (has_function_) {
       const std::vector<UsedPort> read = function_ports();
       if (!read.empty()) {
-        text += fmt::format("constexpr heddle_access kFunctionAccesses[] = {{{}}};\n", accesses_cpp(read));
+        text += fmt::format("constexpr heddle_access kFunctionAccesses[] = {{\n{}}};\n", accesses_cpp(read));
       }
       text += fmt::format("constexpr heddle_function kFunctions[] = {{function(\"{}\", \"{}\"{})}};\n", role_name_,
                           function_file(), read.empty() ? "" : ", kFunctionAccesses");
@@ -191,8 +178,8 @@ class Template {
           type, outputs().front()->name);
     }
     text += fmt::format(
-        "\nconstexpr heddle_technique kTechnique = [] {{\n  heddle_technique t = technique<{}>(\"{}\", {},\n"
-        "                                            \"author, year, title\", {});\n",
+        "\nconstexpr heddle_technique kTechnique = [] {{\n  heddle_technique t =\n      technique<{}>(\"{}\",\n"
+        "                {},\n                \"author, year, title\", {});\n",
         type, id(), c_literal(text_of(role_, "title")), role_["revision"].get<int>());
     if (!ports_.empty()) text += "  t.ports = list(kPorts, t.port_count);\n";
     if (has_shader_) {
@@ -205,7 +192,7 @@ class Template {
   static std::string accesses_cpp(const std::vector<UsedPort>& ports) {
     std::string text;
     for (const UsedPort& port : ports) {
-      text += fmt::format("{}{}(\"{}\")", text.empty() ? "" : ", ", port.access, port.name);
+      text += fmt::format("    {}(\"{}\"),\n", port.access, port.name);
     }
     return text;
   }
@@ -235,15 +222,16 @@ class Template {
         "#define COUNT(array) ((uint32_t)(sizeof(array) / sizeof *(array)))\n\n",
         first_line());
     if (!ports_.empty()) {
-      if (has_shader_) text += "/* Formats hold any value: choose the smallest that holds the range. */\n";
+      text += fmt::format("/* What each port means, unit and range: plugins/{}/role.toml.{} */\n", role_name_,
+                          has_shader_ ? " A smaller format may hold the range." : "");
       text += "static const heddle_port ports[] = {\n";
       for (const UsedPort& port : ports_) {
         text += fmt::format("    {{.struct_size = sizeof(heddle_port),\n     .name = \"{}\",\n     .type = {},\n",
                             port.name, port.c_type);
-        text += fmt::format("     .direction = {},\n", port.is_output ? "HEDDLE_OUT" : "HEDDLE_IN");
-        if (port.is_optional) text += "     .flags = HEDDLE_PORT_OPTIONAL,\n";
-        if (port.is_output) text += fmt::format("     .format = {},\n     .extent_scale = 1.0f,\n", kFormat);
-        text += fmt::format("     .help = {}}},\n", c_literal(text_of(*port.role, "help")));
+        text += fmt::format("     .direction = {}", port.is_output ? "HEDDLE_OUT" : "HEDDLE_IN");
+        if (port.is_optional) text += ",\n     .flags = HEDDLE_PORT_OPTIONAL";
+        if (port.is_output) text += fmt::format(",\n     .format = {}", kFormat);
+        text += "},\n";
       }
       text += "};\n";
     }

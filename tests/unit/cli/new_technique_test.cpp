@@ -40,7 +40,7 @@ Ran run(const std::string& command) {
 }
 
 Ran new_technique(const std::string& arguments) {
-  return run(kBuild + "/bin/heddle new-technique --plugin-path " + kShipped + " " + arguments);
+  return run(kBuild + "/bin/heddle new-technique --plugins " + kShipped + " " + arguments);
 }
 
 std::vector<std::string> role_names() {
