@@ -4,7 +4,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include <fstream>
 #include <numbers>
+#include <sstream>
 
 namespace {
 
@@ -262,6 +264,42 @@ TEST_P(HardCases, NobodyWhoReadsItCostsNothing) {
   const Json stats = Json::parse(graph.stats());
   for (const Json& library : stats["libraries"]) {
     EXPECT_EQ(library.get<std::string>().find("ambient_occlusion"), std::string::npos) << library;
+  }
+}
+
+std::string number(const Json& value) {
+  std::ostringstream text;
+  text << value.get<double>();
+  return text.str();
+}
+
+std::string joined(const Json& values) {
+  std::string text;
+  for (const Json& value : values) {
+    text += (text.empty() ? "" : ", ") + (value.is_string() ? value.get<std::string>() : number(value));
+  }
+  return text;
+}
+
+TEST_P(HardCases, TheTableOfParametersInItsReadmeIsTheDescriptors) {
+  std::ifstream file(std::string(HEDDLE_SOURCE_DIR "/plugins/ambient_occlusion/") + GetParam() + "/README.md");
+  const std::string readme{std::istreambuf_iterator<char>(file), {}};
+  const Json all = list();
+  for (const Json& technique : all["techniques"]) {
+    if (technique["id"] != "ambient_occlusion/" + GetParam()) {
+      continue;
+    }
+    std::string table;
+    for (const Json& p : technique["parameters"]) {
+      const Json& choices = p["choices"];
+      const bool is_choice = !choices.empty();
+      const std::string ladder = joined(p["ladder"]);
+      table += "| " + p["name"].get<std::string>() + " | " + p["unit"].get<std::string>() + " | " +
+               (is_choice ? joined(choices) : number(p["minimum"]) + " .. " + number(p["maximum"])) + " | " +
+               (is_choice ? choices[p["default"][0].get<std::size_t>()].get<std::string>() : number(p["default"][0])) +
+               " | " + p["help"].get<std::string>() + " |" + (ladder.empty() ? "" : " " + ladder) + " |\n";
+    }
+    EXPECT_NE(readme.find(table), std::string::npos) << "the README should have\n" << table;
   }
 }
 
