@@ -81,6 +81,8 @@ TEST(Lighting, H1WhiteFurnaceShowsOneWithinOnePercent) {
 TEST(Lighting, H1LightFromEverywhereAddsUpToOneLampByLamp) {
   // The same furnace without the environment: directional lights on a Fibonacci sphere, 4 pi / n lux each.
   constexpr int kLights = 1500;
+  Graph graph(graph_text(32, 32, false));
+  graph.keep("gbuffer.normal");
   for (const double roughness : {0.5, 1.0})
     for (const double metalness : {0.0, 1.0}) {
       Scene scene;
@@ -93,8 +95,6 @@ TEST(Lighting, H1LightFromEverywhereAddsUpToOneLampByLamp) {
             light(HEDDLE_LIGHT_DIRECTIONAL, {r * std::cos(phi), r * std::sin(phi), z}, 4.0 * kPi / kLights));
       }
       scene.look({0, 0, 0}, {0, 0, -1}, 0.8);
-      Graph graph(graph_text(48, 48, false));
-      graph.keep("gbuffer.normal");
       const Image radiance = graph.image(scene);
       const Image normal = graph.read("gbuffer.normal");
       double worst = 0.0;
@@ -107,14 +107,14 @@ TEST(Lighting, H1LightFromEverywhereAddsUpToOneLampByLamp) {
           ++surfaces;
           worst = std::max(worst, std::abs(static_cast<double>(radiance.at(x, y)) - 1.0));
         }
-      EXPECT_GT(surfaces, 500);
-      // The role's 1 %, and as much for the sum over 1500 lights where the lobe is steepest.
-      EXPECT_LT(worst, 0.02) << "roughness " << roughness << " metalness " << metalness;
+      EXPECT_GT(surfaces, 300);
+      EXPECT_LT(worst, 0.01) << "roughness " << roughness << " metalness " << metalness;
       RecordProperty("worst", std::to_string(worst));
     }
 }
 
 TEST(Lighting, H2LightIsExactlyZeroBeyondTheRangeAndOutsideTheCone) {
+  Graph graph(graph_text(128, 128, false));
   for (const std::uint32_t type : {HEDDLE_LIGHT_POINT, HEDDLE_LIGHT_SPOT, HEDDLE_LIGHT_CONE, HEDDLE_LIGHT_WEDGE,
                                    HEDDLE_LIGHT_BOX, HEDDLE_LIGHT_CAPSULE, HEDDLE_LIGHT_SPHERE}) {
     Scene scene;
@@ -127,7 +127,6 @@ TEST(Lighting, H2LightIsExactlyZeroBeyondTheRangeAndOutsideTheCone) {
     record.half_extent[2] = 1.5F;
     scene.add_light(record, {0, 0, -6});
     scene.look({0, 0, 0}, {0, 0, -1}, 1.0);
-    Graph graph(graph_text(128, 128, false));
     const Image image = graph.image(scene);
     int lit = 0;
     for (std::uint32_t y = 65; y < 128; ++y)
@@ -148,6 +147,7 @@ TEST(Lighting, H2LightIsExactlyZeroBeyondTheRangeAndOutsideTheCone) {
 }
 
 TEST(Lighting, H3ALightAtTheSurfaceItselfGivesFiniteRadiance) {
+  Graph graph(graph_text(33, 33, false));
   for (std::uint32_t type = HEDDLE_LIGHT_POINT; type <= HEDDLE_LIGHT_RECTANGLE; ++type)
     for (const double roughness : {0.0, 1.0}) {
       Scene scene;
@@ -158,7 +158,6 @@ TEST(Lighting, H3ALightAtTheSurfaceItselfGivesFiniteRadiance) {
       // The middle pixel of an odd image sees exactly the light's place.
       scene.add_light(record, {0, -1, 0});
       scene.look({0, 0, 0}, {0, -1, 0}, 1.0);
-      Graph graph(graph_text(33, 33, false));
       const Image image = graph.image(scene);
       for (const float value : image.pixels) ASSERT_TRUE(std::isfinite(value) && value >= 0.0F) << "type " << type;
     }
