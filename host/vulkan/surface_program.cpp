@@ -65,11 +65,15 @@ void main() {
   HeddleMaterial material = materials[surface.material];
   vec4 color = material.base_color * surface.color;
   uint layer = material.texture_layer[HEDDLE_TEXTURE_BASE_COLOR];
+  // As in plugins/shared/surface_sample.glsl: the footprint from the interpolated coordinates, because helper invocations
+  // may load 0 from buffers, which leaves transformed ones without derivatives.
+  vec2 uv0_dx = dFdx(surface.uv0), uv0_dy = dFdy(surface.uv0), uv1_dx = dFdx(surface.uv1), uv1_dy = dFdy(surface.uv1);
   if (layer != HEDDLE_NO_TEXTURE) {
-    vec2 uv = (material.texture_uv_sets & (1u << HEDDLE_TEXTURE_BASE_COLOR)) != 0u ? surface.uv1 : surface.uv0;
-    vec4 m = material.uv_rotation_scale;
-    uv = mat2(m.xy, m.zw) * uv + material.uv_offset;
-    color *= texture(texture_base_color, vec3(uv, float(layer)));
+    bool uses_uv1 = (material.texture_uv_sets & (1u << HEDDLE_TEXTURE_BASE_COLOR)) != 0u;
+    mat2 m = mat2(material.uv_rotation_scale.xy, material.uv_rotation_scale.zw);
+    vec2 uv = m * (uses_uv1 ? surface.uv1 : surface.uv0) + material.uv_offset;
+    color *= textureGrad(texture_base_color, vec3(uv, float(layer)), m * (uses_uv1 ? uv1_dx : uv0_dx),
+                         m * (uses_uv1 ? uv1_dy : uv0_dy));
   }
   if (material.alpha_mode == HEDDLE_ALPHA_MASK && color.a < material.alpha_cutoff) discard;
 }
