@@ -560,14 +560,8 @@ heddle_status heddle_graph_load(heddle_host* host, const char* path, const char*
 heddle_status heddle_graph_parse(heddle_host* host, const char* text, const char* name, const char* folder,
                                  const char* const* settings, uint32_t setting_count, heddle_graph** out) {
   return make_graph(host, settings, setting_count, out, [&] {
-    heddle::graph::WrittenGraph written = heddle::graph::parse(text, name != nullptr ? name : "graph");
-    if (!written.extends) return written;
-    const auto* base = std::get_if<std::string>(&written.extends->value);
-    const std::filesystem::path base_file =
-        std::filesystem::path(text_or_empty(folder)) / (base != nullptr ? *base : "");
-    heddle::graph::WrittenGraph below = heddle::graph::read_graph(base_file);
-    written.extends.reset();
-    return heddle::graph::overlay(std::move(below), std::move(written));
+    return heddle::graph::read_extended(heddle::graph::parse(text, name != nullptr ? name : "graph"),
+                                        text_or_empty(folder));
   });
 }
 

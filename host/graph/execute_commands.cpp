@@ -355,7 +355,8 @@ heddle_status draw(const heddle_pass_host* self, heddle_frame* frame, const hedd
 void barrier(const heddle_pass_host* self, heddle_frame* frame) {
   const Executor::State& executor = executor_of(state_of(self));
   VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
-  memory.srcStageMask = VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT;
+  memory.srcStageMask = VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT |
+                        VK_PIPELINE_STAGE_2_ALL_GRAPHICS_BIT;
   memory.srcAccessMask = VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT | VK_ACCESS_2_TRANSFER_WRITE_BIT;
   memory.dstStageMask = VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT |
                         VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT | VK_PIPELINE_STAGE_2_ALL_GRAPHICS_BIT;
@@ -382,7 +383,10 @@ heddle_status update_buffer(const heddle_pass_host* self, heddle_frame* frame, c
                                "multiples of 4 bytes, at most 65536",
                                offset, offset + bytes, port));
     }
+    // The graph's barriers cover what the stage declares, not this transfer in between.
+    barrier(self, frame);
     executor.device->table().CmdUpdateBuffer(frame->commands, buffer->handle(), offset, bytes, data);
+    barrier(self, frame);
     executor.device->count_upload(bytes);
     return HEDDLE_OK;
   });
@@ -475,7 +479,9 @@ void Executor::State::begin_rendering(const PassState& state, heddle_frame& fram
     VkRenderingAttachmentInfo attachment{VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO};
     attachment.imageView = target.image.layer_view(std::min(layer, target.image.shape().layers - 1), 0);
     attachment.imageLayout = target.layout;
-    attachment.storeOp = VK_ATTACHMENT_STORE_OP_STORE;
+    // Storing is writing: what is only tested must not count as written.
+    attachment.storeOp =
+        access.access == HEDDLE_ACCESS_DEPTH_READ ? VK_ATTACHMENT_STORE_OP_NONE : VK_ATTACHMENT_STORE_OP_STORE;
     attachment.loadOp = !is_first || access.load == HEDDLE_LOAD_KEEP ? VK_ATTACHMENT_LOAD_OP_LOAD
                         : access.load == HEDDLE_LOAD_CLEAR           ? VK_ATTACHMENT_LOAD_OP_CLEAR
                                                                      : VK_ATTACHMENT_LOAD_OP_DONT_CARE;
@@ -573,6 +579,16 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
     const auto owner = std::find_if(graph.passes.begin(), graph.passes.end(),
                                     [&](const Pass& pass) { return pass.name == binding.pass; });
     const auto resource_of = [&]() -> ResourceIndex { return owner->ports.at(binding.port); };
+    // What an absent optional value or buffer reads as: zeros, and no element of a list (16 bytes are the list's
+    // header).
+    const auto zeros = [&]() -> VkDescriptorBufferInfo {
+      constexpr std::uint64_t kBlock = 4096;
+      frame_buffers.push_back(
+          device->make_buffer(kBlock, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, true));
+      std::memset(frame_buffers.back().data(), 0, kBlock);
+      const bool is_list = binding.kind == vulkan::Binding::Kind::kStorageBuffer;
+      return {frame_buffers.back().handle(), 0, is_list ? 16 : kBlock};
+    };
     switch (binding.kind) {
       case vulkan::Binding::Kind::kSampledImage: {
         write.descriptorType = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
@@ -580,9 +596,8 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         const auto sampler = binding.access == HEDDLE_ACCESS_SAMPLED_COMPARE  ? vulkan::Device::Sampler::kCompareClamp
                              : binding.access == HEDDLE_ACCESS_SAMPLED_LINEAR ? vulkan::Device::Sampler::kLinearClamp
                                                                               : vulkan::Device::Sampler::kNearestClamp;
-        images[i] = {
-            device->sampler(sampler), root(resource).image.view(),
-            access_info(binding.access, PortType::kImage, graph.resources[resources[resource].root].format).layout};
+        // The stage's barriers have put the image into the layout that suits all of the stage's uses of it.
+        images[i] = {device->sampler(sampler), root(resource).image.view(), root(resource).layout};
         break;
       }
       case vulkan::Binding::Kind::kStorageImage:
@@ -591,6 +606,10 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         break;
       case vulkan::Binding::Kind::kStorageBuffer: {
         write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+        if (owner->ports.count(binding.port) == 0) {
+          buffers[i] = zeros();
+          break;
+        }
         const ResourceIndex resource = resource_of();
         if (graph.resources[resource].type == PortType::kValue) {
           if (!resources[resource].value.is_set) set_value(resource, {});
@@ -603,6 +622,10 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
       }
       case vulkan::Binding::Kind::kUniformBuffer: {
         write.descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
+        if (owner->ports.count(binding.port) == 0) {
+          buffers[i] = zeros();
+          break;
+        }
         const ResourceIndex resource = resource_of();
         if (!resources[resource].value.is_set) {
           set_value(resource, std::vector<std::byte>(std::max<std::uint64_t>(graph.resources[resource].byte_size, 16)));

@@ -43,7 +43,7 @@ void Executor::State::open_device() {
   if (device != nullptr) return;
   vulkan::Device& opened = services.device();
   const heddle_vulkan& vk = opened.table();
-  maker = std::make_unique<vulkan::PipelineMaker>(opened);
+  maker = std::make_unique<vulkan::PipelineMaker>(opened, services.cache_folder);
   materials_layout = scene::make_materials_layout(opened);
 
   // Set 3 as shader.hpp describes it: vertices, instances, materials, and the view of one drawing.
@@ -350,14 +350,13 @@ vulkan::RasterState Executor::State::raster_state(const Pass& pass, const Shader
   return raster;
 }
 
-vulkan::Constants Executor::State::constants(const PassState& state) const {
+vulkan::Constants Executor::State::constants(const vulkan::CompiledShader& shader) const {
   vulkan::Constants values;
-  const Technique& technique = technique_of(state);
-  const Pass& pass = pass_of(state);
-  for (std::uint32_t i = 0; i < technique.parameters.size(); ++i) {
-    const Parameter& parameter = technique.parameters[i];
-    if ((parameter.flags & HEDDLE_PARAMETER_CONSTANT) == 0) continue;
-    const double number = pass.parameters[i].number[0];
+  for (const vulkan::ConstantSlot& slot : shader.constants) {
+    const auto pass = std::find_if(graph.passes.begin(), graph.passes.end(),
+                                   [&](const Pass& candidate) { return candidate.name == slot.pass; });
+    const Parameter& parameter = pass->entry.technique->parameters[slot.parameter];
+    const double number = pass->parameters[slot.parameter].number[0];
     std::uint32_t bits = 0;
     if (parameter.type == ParameterType::kFloat) {
       const auto value = static_cast<float>(number);
@@ -366,7 +365,7 @@ vulkan::Constants Executor::State::constants(const PassState& state) const {
       const auto value = static_cast<std::int32_t>(number);
       std::memcpy(&bits, &value, sizeof bits);
     }
-    values[i] = bits;
+    values[slot.id] = bits;
   }
   return values;
 }
@@ -429,14 +428,14 @@ void Executor::State::compile_passes() {
       }
       switch (shader.kind) {
         case ShaderKind::kCompute:
-          made.pipeline = maker->compute(made.compiled, constants(*state));
+          made.pipeline = maker->compute(made.compiled, constants(made.compiled));
           break;
         case ShaderKind::kFullscreen:
-          made.pipeline = maker->fullscreen(made.compiled, constants(*state), raster);
+          made.pipeline = maker->fullscreen(made.compiled, constants(made.compiled), raster);
           break;
         case ShaderKind::kSurfaces:
-          made.pipeline =
-              maker->surfaces(program, made.compiled, constants(*state), raster, materials_layout, program_layout);
+          made.pipeline = maker->surfaces(program, made.compiled, constants(made.compiled), raster, materials_layout,
+                                          program_layout);
           if (shader.file.empty()) {
             made.masked = maker->surfaces_masked_depth(program, raster, materials_layout, program_layout);
           }

@@ -127,7 +127,7 @@ struct Executor::State {
   void initialize_kept();
   void compile_passes();
   void write_parameters(PassState& pass);
-  [[nodiscard]] vulkan::Constants constants(const PassState& pass) const;
+  [[nodiscard]] vulkan::Constants constants(const vulkan::CompiledShader& shader) const;
   [[nodiscard]] vulkan::BoundPort bound_port(const Pass& pass, const Access& access, const Stage* stage) const;
   [[nodiscard]] vulkan::ShaderRequest shader_request(const PassState& pass, const Shader& shader) const;
   void add_role(const Pass& caller, const std::string& role, std::vector<vulkan::RoleRequest>& roles) const;
