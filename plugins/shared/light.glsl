@@ -143,7 +143,8 @@ LightArrival light_arrival(HeddleLight light, vec3 position_rel) {
   vec3 to_light = light_nearest_point(light, position_rel) - position_rel;
   float distance_squared = dot(to_light, to_light);
   if (light.type == HEDDLE_LIGHT_BOX) {
-    vec3 local = -vec3(dot(to_light, light.tangent), dot(to_light, light_bitangent(light)), dot(to_light, light.direction));
+    vec3 local =
+        -vec3(dot(to_light, light.tangent), dot(to_light, light_bitangent(light)), dot(to_light, light.direction));
     arrival.distance = max(local.z + light.half_extent.z, 0.0);
     arrival.irradiance = light.intensity * (light_box_fade(light, local) * light_window(light, distance_squared));
     return arrival;
@@ -160,7 +161,8 @@ LightArrival light_arrival(HeddleLight light, vec3 position_rel) {
   } else if (light.type == HEDDLE_LIGHT_RECTANGLE) {
     factor *= light_rectangle_form_factor(light, position_rel, arrival.direction);
   } else {
-    float nearest = light.type == HEDDLE_LIGHT_CAPSULE ? max(light.radius, kLightMinimumDistance) : kLightMinimumDistance;
+    float nearest = kLightMinimumDistance;
+    if (light.type == HEDDLE_LIGHT_CAPSULE) nearest = max(nearest, light.radius);
     factor /= max(distance_squared, nearest * nearest);
     if (light.type == HEDDLE_LIGHT_SPOT || light.type == HEDDLE_LIGHT_CONE || light.type == HEDDLE_LIGHT_WEDGE)
       factor *= light_angular(light, dot(-arrival.direction, light.direction));

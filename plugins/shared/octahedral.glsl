@@ -2,7 +2,7 @@
 // Unit vectors as two numbers in [-1, 1] and back, through the octahedron |x| + |y| + |z| = 1 unfolded along +Z.
 // Source  Meyer et al. 2010, "On Floating-Point Normal Vectors"; Cigolle et al. 2014, "A Survey of Efficient
 //         Representations for Independent Unit Vectors", section 3
-// The six axes come back exactly, also through snorm formats. Divisions, not inversesqrt: it is 1.5 ulp on some drivers.
+// The six axes come back exactly, also through snorm formats. Divisions: inversesqrt is 1.5 ulp on some drivers.
 #ifndef HEDDLE_SHARED_OCTAHEDRAL_GLSL
 #define HEDDLE_SHARED_OCTAHEDRAL_GLSL
 

@@ -19,7 +19,7 @@ struct SurfaceSample {
   bool is_unlit;
 };
 
-// How far the texture coordinates move from pixel to pixel; taken outside of any branch. From the interpolated coordinates
+// How far the texture coordinates move from pixel to pixel; taken outside of any branch, and from the interpolated ones
 // alone: what helper invocations load from buffers is 0 on some drivers, so transformed ones have no derivatives there.
 struct SurfaceFootprint {
   vec2 uv0_dx, uv0_dy, uv1_dx, uv1_dy;
@@ -29,7 +29,8 @@ SurfaceFootprint surface_footprint() {
   return SurfaceFootprint(dFdx(surface.uv0), dFdy(surface.uv0), dFdx(surface.uv1), dFdy(surface.uv1));
 }
 
-vec4 sample_material(sampler2DArray textures, HeddleMaterial material, SurfaceFootprint footprint, uint slot, uint layer) {
+vec4 sample_material(sampler2DArray textures, HeddleMaterial material, SurfaceFootprint footprint, uint slot,
+                     uint layer) {
   bool uses_uv1 = (material.texture_uv_sets & (1u << slot)) != 0u;
   mat2 m = mat2(material.uv_rotation_scale.xy, material.uv_rotation_scale.zw);
   vec2 uv = m * (uses_uv1 ? surface.uv1 : surface.uv0) + material.uv_offset;
@@ -79,7 +80,8 @@ SurfaceSample sample_surface(HeddleMaterial material) {
   s.roughness = material.roughness;
   uint layer = material.texture_layer[HEDDLE_TEXTURE_METALLIC_ROUGHNESS];
   if (layer != HEDDLE_NO_TEXTURE) {
-    vec4 texel = sample_material(texture_metallic_roughness, material, footprint, HEDDLE_TEXTURE_METALLIC_ROUGHNESS, layer);
+    vec4 texel =
+        sample_material(texture_metallic_roughness, material, footprint, HEDDLE_TEXTURE_METALLIC_ROUGHNESS, layer);
     s.roughness *= texel.g;
     s.metalness *= texel.b;
   }

@@ -205,6 +205,49 @@ TEST(GbufferRaster, BackgroundIsInfinitelyFarAndStill) {
   }
 }
 
+TEST(GbufferRaster, TrianglesSmallerThanAPixelTakeTheRightMip) {
+  // Where helper invocations do not see the material, their texture coordinates are 0 and the last mip shows: grey.
+  constexpr std::uint32_t kTexels = 8, kQuads = 150;
+  std::vector<std::uint8_t> rgba;
+  for (std::uint32_t i = 0; i < kTexels * kTexels; ++i) {
+    const bool is_red = i % kTexels < kTexels / 2;
+    for (const bool on : {is_red, false, !is_red, true}) rgba.push_back(on ? 255 : 0);
+  }
+  Scene scene;
+  heddle_texture texture{};
+  texture.struct_size = sizeof texture;
+  texture.width = texture.height = kTexels;
+  texture.is_srgb = 1;
+  texture.wrap_u = texture.wrap_v = 2;
+  texture.rgba = rgba.data();
+  std::uint32_t texture_id = 0;
+  check(heddle_scene_add_texture(scene.handle, nullptr, &texture, &texture_id));
+  HeddleMaterial record = Scene::grey();
+  record.base_color[0] = record.base_color[1] = record.base_color[2] = 1.0F;
+  scene.use_material(record, texture_id);
+  std::vector<float> positions, uvs;
+  std::vector<std::uint32_t> indices;
+  for (std::uint32_t y = 0; y <= kQuads; ++y)
+    for (std::uint32_t x = 0; x <= kQuads; ++x) {
+      const float u = static_cast<float>(x) / kQuads, v = static_cast<float>(y) / kQuads;
+      for (const float value : {2 * u - 1, 1 - 2 * v, 0.0F}) positions.push_back(value);
+      uvs.push_back(u);
+      uvs.push_back(v);
+      if (x == kQuads || y == kQuads) continue;
+      const std::uint32_t a = y * (kQuads + 1) + x, b = a + kQuads + 1;
+      for (const std::uint32_t index : {a, b, b + 1, a, b + 1, a + 1}) indices.push_back(index);
+    }
+  scene.add_mesh(positions, {}, indices, glm::translate(dmat4(1.0), dvec3(0, 0, -1)), uvs);
+  scene.look({0, 0, 0}, {0, 0, -1}, 0.5 * kPi);
+  const Frame frame = Gbuffer().render(scene);
+  for (std::uint32_t y = 0; y < kSize; ++y)
+    for (std::uint32_t x = 0; x < kSize; ++x) {
+      if (x >= 56 && x < 72) continue;  // between the two colours
+      EXPECT_NEAR(static_cast<double>(frame.base_color.at(x, y, 0)), x < 64 ? 1.0 : 0.0, 1e-3) << x << ", " << y;
+      EXPECT_NEAR(static_cast<double>(frame.base_color.at(x, y, 2)), x < 64 ? 0.0 : 1.0, 1e-3) << x << ", " << y;
+    }
+}
+
 TEST(GbufferRaster, MotionIsPreviousMinusCurrentPixels) {
   Scene scene;
   scene.add_mesh({-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0}, {}, {0, 1, 2, 0, 2, 3},
