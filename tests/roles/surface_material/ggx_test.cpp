@@ -155,6 +155,25 @@ TEST(SurfaceMaterialGgx, WithoutCompensationRoughMetalLosesWhatTheTableSays) {
   EXPECT_LT(single_scattering(point(1.0, 1.0), 0.8), 0.5);
 }
 
+TEST(SurfaceMaterialGgx, BouncesSumTheSeriesOfReflections) {
+  // After k bounces inside, each reflecting F on average, the share E of what is left gets out.
+  constexpr int kCount = 2000;
+  for (const double roughness : {0.3, 0.6, 1.0})
+    for (const double f0 : {0.1, 0.5, 0.9}) {
+      const heddle_surface_point metal = point(roughness, 1.0, {f0, f0, f0}), white = point(roughness, 1.0);
+      double E = 0.0, F = 0.0, mean = 0.0;
+      for (int i = 0; i < kCount; ++i) {
+        const double NoV = (i + 0.5) / kCount, weight = 2.0 * NoV / kCount;
+        E += weight * albedo(white, NoV, kSpecular, 0);
+        F += weight * (f0 + (1.0 - f0) * std::pow(1.0 - NoV, 5));
+        mean += weight * (albedo(metal, NoV, kSpecular, 1) - albedo(metal, NoV, kSpecular, 0));
+      }
+      double expected = 0.0;
+      for (int k = 1; k < 400; ++k) expected += std::pow(F, k + 1) * std::pow(1.0 - E, k) * E;
+      EXPECT_NEAR(mean, expected, 2e-4) << "roughness " << roughness << " f0 " << f0;  // the table's interpolation
+    }
+}
+
 TEST(SurfaceMaterialGgx, DarkAndColouredPointsNeverGainEnergy) {
   for (const double roughness : kRoughness)
     for (const double metalness : kMetalness)
