@@ -16,7 +16,10 @@ constexpr heddle_port kPorts[] = {
                     HEDDLE_PORT_KEPT),
 };
 constexpr heddle_parameter kParameters[] = {
-    toggle("multiple_scattering", true, "give back the energy that a single bounce on rough surfaces loses"),
+    // A constant: lavapipe 22.3 specializes shaders by uniforms that branches depend on, and crashes over a second
+    // set's.
+    toggle("multiple_scattering", true, "give back the energy that a single bounce on rough surfaces loses",
+           HEDDLE_PARAMETER_CONSTANT),
 };
 constexpr heddle_access kUpload[] = {host_write("albedo_table")};
 constexpr heddle_stage kStages[] = {cpu_stage("upload", kUpload)};

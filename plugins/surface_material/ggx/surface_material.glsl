@@ -3,7 +3,7 @@
 // Source  Walter et al. 2007 (GGX); Heitz 2014 (height-correlated Smith); Schlick 1994; Kulla and Conty 2017, slides 15
 //         to 19 (the energy that single scattering loses)
 // reads   albedo_table  rg32f  129 x 128  written once by this technique; layout in albedo_map.hpp
-// params  multiple_scattering
+// constant_multiple_scattering: a compile-time constant
 // pow(x, 1/3) is off by 34 ulp on some drivers, which moves a column by 1e-4 of one.
 #include "constants.glsl"
 #include "surface_point.glsl"
@@ -90,7 +90,7 @@ vec3 surface_material_lobe(SurfacePoint point, vec3 N, vec3 V, vec3 L, uint lobe
     vec3 F_Schlick = f0 + (1.0 - f0) * power5(1.0 - clamp(dot(V, H), 0.0, 1.0));
     sum = F_Schlick * (D_GGX(clamp(dot(N, H), 0.0, 1.0), dot(NxH, NxH), alpha) *
                        V_SmithGGXCorrelated(NoV, NoL, alpha));
-    if (params.multiple_scattering != 0u) {  // (7)
+    if (constant_multiple_scattering) {  // (7)
       vec3 share = mix(vec3(share_dielectric), multiple_scattering_share(point.base_color, average.x), point.metalness);
       sum += share * (albedo_view.x * albedo_light.x * kInversePi / max(average.x, 1e-7));
     }
@@ -121,7 +121,7 @@ vec3 surface_material_environment(SurfacePoint point, vec3 N, vec3 V, vec3 irrad
   vec3 specular = f0 * (1.0 - albedo.x) + (1.0 - f0) * albedo.y;
   float left = max(1.0 - dielectric_albedo(albedo, f0_dielectric, share_dielectric), 0.0);
   vec3 broad = point.base_color * ((1.0 - point.metalness) * left);
-  if (params.multiple_scattering != 0u) {
+  if (constant_multiple_scattering) {
     vec3 share = mix(vec3(share_dielectric), multiple_scattering_share(point.base_color, average.x), point.metalness);
     broad += share * albedo.x;
   }
