@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A surface point and directions -> how much of the light is reflected. Equations (1) to (9) of README.md.
-// Source  Walter et al. 2007 (GGX); Heitz 2014 (height-correlated Smith); Schlick 1994; Kulla and Conty 2017, slides 15
-//         to 19 (the energy that single scattering loses)
+// Source  Walter et al. 2007 (GGX); Heitz 2014 (height-correlated Smith); Schlick 1994; Kulla and Conty 2017 (the energy that
+//         single scattering loses)
 // reads   albedo_table  rg32f  129 x 128  written once by this technique; layout in albedo_map.hpp
 // constant_multiple_scattering: a compile-time constant
 // pow(x, 1/3) is off by 34 ulp on some drivers, which moves a column by 1e-4 of one.
