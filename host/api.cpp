@@ -20,7 +20,7 @@
 #include <cstring>
 #include <functional>
 #include <nlohmann/json.hpp>
-#include <set>
+#include <span>
 
 using heddle::Diagnostic;
 using heddle::Error;
@@ -155,6 +155,40 @@ glm::dmat4 matrix_from(const double* values, std::string_view what) {
 
 std::string text_or_empty(const char* text) {
   return text != nullptr ? text : "";
+}
+
+void check_finite(std::span<const float> values, const std::string& object, const char* field) {
+  for (const float value : values) {
+    if (!std::isfinite(value)) {
+      throw Error(HEDDLE_BAD_INPUT, fmt::format("{}: {} is {}: expected a finite number", object, field, value));
+    }
+  }
+}
+
+void check_material(const HeddleMaterial& record, const std::string& name) {
+  const std::string object = fmt::format("material '{}'", name);
+  if (record.alpha_mode > HEDDLE_ALPHA_BLEND) {
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("{} has the unknown alpha_mode {}", object, record.alpha_mode));
+  }
+  check_finite(record.base_color, object, "base_color");
+  check_finite(record.emissive, object, "emissive");
+  check_finite(std::array{record.alpha_cutoff, record.metalness, record.roughness, record.normal_scale,
+                          record.occlusion_strength, record.ior, record.transmission},
+               object, "a factor");
+}
+
+void check_light(const heddle_light& light, const std::string& name) {
+  const std::string object = fmt::format("light '{}'", name);
+  for (const double value : light.position) {
+    if (!std::isfinite(value)) throw Error(HEDDLE_BAD_INPUT, fmt::format("{}: its position is not finite", object));
+  }
+  const HeddleLight& record = light.record;
+  check_finite(record.direction, object, "direction");
+  check_finite(record.intensity, object, "intensity");
+  check_finite(record.tangent, object, "tangent");
+  check_finite(record.half_extent, object, "half_extent");
+  check_finite(std::array{record.range, record.radius, record.segment_length, record.cos_inner, record.cos_outer},
+               object, "a length or cosine");
 }
 
 void check_camera(const heddle_camera& camera) {
@@ -404,6 +438,11 @@ heddle_status heddle_scene_add_texture(heddle_scene* scene, const char* name, co
       throw Error(HEDDLE_BAD_INPUT, fmt::format("texture '{}' is {} x {} texels: expected 1 to 16384 each, and pixels",
                                                 text_or_empty(name), taken.width, taken.height));
     }
+    if (taken.wrap_u > 2 || taken.wrap_v > 2) {
+      throw Error(HEDDLE_BAD_INPUT, fmt::format("texture '{}' has the unknown wrap modes {}, {}: expected 0 repeat, 1 "
+                                                "mirror or 2 clamp",
+                                                text_or_empty(name), taken.wrap_u, taken.wrap_v));
+    }
     heddle::scene::Texture made;
     made.name = text_or_empty(name);
     made.width = taken.width;
@@ -421,6 +460,7 @@ heddle_status heddle_scene_add_material(heddle_scene* scene, const char* name, c
                                         uint32_t* out_id) {
   return guarded(scene->host->error, [&] {
     const heddle_material taken = take(material, "material");
+    check_material(taken.record, text_or_empty(name));
     heddle::scene::Material made;
     made.name = text_or_empty(name);
     made.record = taken.record;
@@ -469,6 +509,7 @@ heddle_status heddle_scene_add_light(heddle_scene* scene, const char* name, cons
       throw Error(HEDDLE_BAD_INPUT,
                   fmt::format("light '{}' has the unknown type {}", text_or_empty(name), taken.record.type));
     }
+    check_light(taken, text_or_empty(name));
     heddle::scene::Light made;
     made.name = text_or_empty(name);
     made.position = {taken.position[0], taken.position[1], taken.position[2]};
@@ -606,6 +647,7 @@ heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene, const hedd
     frame.time_step = chosen.time_step;
     frame.seed = chosen.seed;
     graph->executor->render(scene->scene, frame);
+    scene->scene.settle();
   });
 }
 

@@ -172,7 +172,8 @@ typedef struct heddle_render_options {
   uint32_t reserved;
 } heddle_render_options;
 
-/* Renders one frame and waits for it. options may be NULL. [main-thread] */
+/* Renders one frame and waits for it; what moved since the last frame has then arrived. options may be NULL.
+ * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene,
                                           const heddle_render_options* options);
 /* Pixels of a kept port or of the output (NULL) after a frame, as float32 (unorm as 0..1), layer and mip chosen.

@@ -43,7 +43,7 @@ constexpr std::array<MetricText, 7> kMetrics{{{"rmse", "sqrt(mean (a-b)^2)"},
 void print_metrics(const json& metrics) {
   for (const MetricText& metric : kMetrics) {
     const json& value = metrics.at(metric.key);
-    const std::string text = value.is_number() ? fmt::format("{:.6g}", value.get<double>()) : value.get<std::string>();
+    const std::string text = value.is_number() ? fmt::format("{:.6g}", value.get<double>()) : "infinite";
     fmt::print("  {:<16} {:>12}   {}\n", metric.key, text, metric.formula);
   }
 }

@@ -122,7 +122,7 @@ def compare(arguments: argparse.Namespace) -> int:
             print(f"{arguments.port or 'output'}: {names[0]} against {names[1]}")
             for key, formula in METRICS.items():
                 value = metrics[key]
-                print(f"  {key:<16} {value if isinstance(value, str) else format(value, '.6g'):>12}   {formula}")
+                print(f"  {key:<16} {'infinite' if value is None else format(value, '.6g'):>12}   {formula}")
             print(f"median frame time of {arguments.repeats} interleaved frames each:")
             for name, values in zip(names, times):
                 print(f"  {name:<16} {statistics.median(values):10.2f} ms   ({min(values):.2f} to {max(values):.2f})")
