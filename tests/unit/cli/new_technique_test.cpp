@@ -172,7 +172,7 @@ class Generated : public testing::Test {
         "[[pass]]\nname = \"sky\"\nrole = \"sky\"\ntechnique = \"uniform\"\n"
         "[[pass]]\nname = \"gbuffer\"\nrole = \"gbuffer\"\ntechnique = \"raster\"\n"
         "[[pass]]\nname = \"ao\"\nrole = \"ambient_occlusion\"\ntechnique = \"gtao\"\n"
-        "[[pass]]\nname = \"shadow\"\nrole = \"shadow\"\ntechnique = \"ray_marched_screen\"\n"
+        "[[pass]]\nname = \"shadow\"\nrole = \"shadow\"\ntechnique = \"shadow_map\"\n"
         "[[pass]]\nname = \"light\"\nrole = \"lighting\"\ntechnique = \"deferred\"\n"
         "[[pass]]\nname = \"screen\"\nrole = \"display\"\ntechnique = \"linear\"\n";
     const char* settings[] = {setting.c_str()};
