@@ -36,38 +36,35 @@ float border_weight(vec2 raster_px) {
   return clamp(min(inside.x, inside.y) / (kBorderFade * min(extent.x, extent.y)), 0.0, 1.0);
 }
 
+// How much of the light a ray keeps. Parameters and the camera decide by arithmetic, never by a branch (`if`, `&&`, `?:`
+// with more than names): lavapipe 22.3 looks for uniforms in the conditions of branches, and writes past its own table
+// for the fourth uniform block and later ones.
 float march(vec3 start, vec3 end, float ray_length) {
   float start_depth = depth_from_position_rel(camera, start);
   float end_depth = depth_from_position_rel(camera, end);
   // What is in front of the near plane is not in the image: end there.
-  float nearest = camera.near_distance;
-  if (start_depth <= nearest) return 1.0;
-  if (end_depth < nearest) {
-    float kept = (start_depth - nearest) / (start_depth - end_depth);
-    end = mix(start, end, kept);
-    ray_length *= kept;
-  }
+  float to_near = (start_depth - camera.near_distance) / max(start_depth - end_depth, 1e-6 * abs(start_depth) + 1e-30);
+  float kept = mix(1.0, clamp(to_near, 0.0, 1.0), end_depth < camera.near_distance);
   vec3 from = raster_and_depth_from_rel(camera, start);
-  vec3 to = raster_and_depth_from_rel(camera, end);
-  bool is_orthographic = camera.is_orthographic != 0u;
-  uint steps = uint(params.steps);
-  float dither = params.dither != 0u ? pixel_noise(floor(from.xy)) : 0.5;
-  for (uint i = 0u; i < steps; ++i) {
-    float s = (float(i) + dither) / float(steps);
+  vec3 to = raster_and_depth_from_rel(camera, mix(start, end, kept));
+  float parallel = float(camera.is_orthographic);
+  float dither = mix(0.5, pixel_noise(floor(from.xy)), float(params.dither));
+  vec2 extent = vec2(camera.extent);
+  float occlusion = 0.0;
+  for (int i = 0; i < constant_steps; ++i) {
+    float s = (float(i) + dither) / float(constant_steps);
     // README equation (2): along the image 1/depth is linear in perspective, depth itself in parallel projection.
     vec2 raster_px = mix(from.xy, to.xy, s);
     float inverse_depth = mix(1.0 / from.z, 1.0 / to.z, s);
-    float ray_depth = is_orthographic ? mix(from.z, to.z, s) : 1.0 / inverse_depth;
-    float t = is_orthographic ? s : s / (to.z * inverse_depth);  // fraction of the ray's length
-    ivec2 pixel = ivec2(floor(raster_px));
-    if (any(lessThan(pixel, ivec2(0))) || any(greaterThanEqual(pixel, ivec2(camera.extent)))) break;
-    float behind = ray_depth - fetch_depth(pixel).x;  // -Inf where there is no surface
-    if (behind > 0.0 && behind < params.thickness) {
-      float ray_weight = clamp((params.distance - t * ray_length) / (kRayFade * params.distance), 0.0, 1.0);
-      return 1.0 - ray_weight * border_weight(raster_px);
-    }
+    float ray_depth = mix(1.0 / inverse_depth, mix(from.z, to.z, s), parallel);
+    float t = kept * mix(s / (to.z * inverse_depth), s, parallel);  // fraction of the whole ray's length
+    bvec4 is_inside = bvec4(greaterThanEqual(raster_px, vec2(0.0)), lessThan(raster_px, extent));
+    float behind = ray_depth - fetch_depth(ivec2(clamp(raster_px, vec2(0.0), extent - 1.0))).x;  // -Inf: no surface
+    float ray_weight = clamp((params.distance - t * ray_length) / (kRayFade * params.distance), 0.0, 1.0);
+    bool is_hit = all(bvec3(all(is_inside), behind > 0.0, behind < params.thickness));
+    occlusion = max(occlusion, ray_weight * border_weight(raster_px) * float(is_hit));
   }
-  return 1.0;
+  return 1.0 - occlusion * float(start_depth > camera.near_distance);
 }
 
 float shadow(uint light, vec3 position_rel, vec3 normal) {
@@ -83,15 +80,12 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
                     source.type == HEDDLE_LIGHT_RECTANGLE || source.type == HEDDLE_LIGHT_WEDGE;
   if (dot(normal, L) <= 0.0) return has_extent ? 1.0 : 0.0;
 
-  float depth = depth_from_position_rel(camera, position_rel);
-  vec3 offset = normal * start_offset(normal, depth + params.distance);
   // Never past the light, nor into the body that glows.
-  float ray_length = params.distance;
-  if (!is_parallel) {
-    float body = source.type == HEDDLE_LIGHT_SPHERE || source.type == HEDDLE_LIGHT_CAPSULE ? source.radius : 0.0;
-    ray_length = min(ray_length, light_distance - body);
-  }
-  if (ray_length <= 0.0) return 1.0;
-  vec3 start = position_rel + offset;
+  float body = source.type == HEDDLE_LIGHT_SPHERE || source.type == HEDDLE_LIGHT_CAPSULE ? source.radius : 0.0;
+  float room = is_parallel ? kMaxFloat : light_distance - body;
+  if (room <= 0.0) return 1.0;
+  float ray_length = min(params.distance, room);
+  float depth = depth_from_position_rel(camera, position_rel);
+  vec3 start = position_rel + normal * start_offset(normal, depth + params.distance);
   return march(start, start + L * ray_length, ray_length);
 }

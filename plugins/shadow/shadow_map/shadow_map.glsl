@@ -113,9 +113,11 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
   float offset =
       normal_offset(params.filter_radius, texel_size, normal_across, length(position_rel) + light_distance);
   vec3 lookup = position_rel + normal * offset;
+  // No branch from here on: the lookup depends on parameters, and lavapipe 22.3 looks for uniforms in the conditions of
+  // branches and writes past its own table for the fourth block and later ones.
   vec4 clip = view.clip_from_rel * vec4(lookup, 1.0);
-  if (clip.w <= 0.0) return 1.0;
-  vec3 ndc = clip.xyz / clip.w;
-  if (max(abs(ndc.x), abs(ndc.y)) > 1.0) return 1.0;
-  return mix(filtered_visibility(index, ndc), 1.0, fade);
+  vec3 ndc = clip.xyz / max(clip.w, 1e-30);
+  bool is_covered = all(bvec2(clip.w > 0.0, max(abs(ndc.x), abs(ndc.y)) <= 1.0));
+  float visibility = mix(filtered_visibility(index, is_covered ? ndc : vec3(0.0)), 1.0, fade);
+  return is_covered ? visibility : 1.0;
 }

@@ -26,10 +26,11 @@ vec3 sky_direction(vec2 angles) {
 // `horizon`: elevation of the horizon, <= 0.
 vec2 sky_map_coordinate(vec2 angles, float horizon, vec2 size) {
   bool is_ground = angles.y < horizon;
-  float span = is_ground ? 0.5 * kSkyPi + horizon : 0.5 * kSkyPi - horizon;
+  float side = is_ground ? -1.0 : 1.0;
+  float span = 0.5 * kSkyPi - side * horizon;
   float row = sqrt(clamp(abs(angles.y - horizon) / max(span, 1e-6), 0.0, 1.0));
   float half_rows = 0.5 * size.y;
-  float y = (0.5 + row * (half_rows - 1.0) + (is_ground ? half_rows : 0.0)) / size.y;
+  float y = (0.5 + row * (half_rows - 1.0) + (0.5 - 0.5 * side) * half_rows) / size.y;
   return vec2(table_coordinate(angles.x / kSkyPi, size.x), y);
 }
 // xy: angles of a texel; z: 1 where it is ground.

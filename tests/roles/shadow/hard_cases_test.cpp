@@ -437,4 +437,30 @@ TEST(ShadowJoin, ProductOfTwoProvidersIsTheProductOfTheirAnswers) {
   }
 }
 
+TEST(ShadowJoin, EveryCombinationOfProvidersRendersUnderLighting) {
+  // lavapipe 22.3 writes past a table where a branch hangs on a uniform of the fourth block or later, and dies or not
+  // by what lies behind it: each combination gives the blocks other numbers.
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 50.0);
+  scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, {1, -1, 0.2}));
+  scene.look({0.5, 1.5, 2.5}, {0, 0, 0});
+  const std::string second_map = "[[pass]]\nname = \"second\"\nrole = \"shadow\"\ntechnique = \"shadow_map\"\n";
+  const std::string gbuffer = "[[pass]]\nrole = \"gbuffer\"\ntechnique = \"raster\"\n";
+  const std::string screen = contact().substr(contact().find("[[pass]]", 1));
+  for (const std::string& shadows : {shadow_map(), screen, shadow_map() + screen, shadow_map() + screen + second_map}) {
+    for (const std::string& sky :
+         {std::string(), std::string("[[pass]]\nrole = \"sky\"\ntechnique = \"procedural\"\n")}) {
+      for (const std::string& material :
+           {std::string(), std::string("[[pass]]\nrole = \"surface_material\"\ntechnique = \"ggx\"\n")}) {
+        SCOPED_TRACE(sky + shadows + material);
+        Graph graph("extent = [64, 64]\noutput = \"lighting.radiance\"\n" + sky + gbuffer + shadows + material +
+                    "[[pass]]\nrole = \"lighting\"\ntechnique = \"deferred\"\n");
+        const Image image = graph.image(scene);
+        ASSERT_EQ(image.width, 64U);
+        EXPECT_GT(image.at(32, 40), 0.0F);
+      }
+    }
+  }
+}
+
 }  // namespace
