@@ -574,6 +574,7 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
     write.dstSet = allocated;
     write.dstBinding = binding.binding;
     write.descriptorCount = 1;
+    write.descriptorType = vulkan::descriptor_type(binding);
     write.pImageInfo = &images[i];
     write.pBufferInfo = &buffers[i];
     const auto owner = std::find_if(graph.passes.begin(), graph.passes.end(),
@@ -591,7 +592,6 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
     };
     switch (binding.kind) {
       case vulkan::Binding::Kind::kSampledImage: {
-        write.descriptorType = VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
         const ResourceIndex resource = resource_of();
         const auto sampler = binding.access == HEDDLE_ACCESS_SAMPLED_COMPARE  ? vulkan::Device::Sampler::kCompareClamp
                              : binding.access == HEDDLE_ACCESS_SAMPLED_LINEAR ? vulkan::Device::Sampler::kLinearClamp
@@ -601,11 +601,9 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         break;
       }
       case vulkan::Binding::Kind::kStorageImage:
-        write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_IMAGE;
         images[i] = {VK_NULL_HANDLE, root(resource_of()).image.mip_view(0), VK_IMAGE_LAYOUT_GENERAL};
         break;
       case vulkan::Binding::Kind::kStorageBuffer: {
-        write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
         if (owner->ports.count(binding.port) == 0) {
           buffers[i] = zeros();
           break;
@@ -621,7 +619,6 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         break;
       }
       case vulkan::Binding::Kind::kUniformBuffer: {
-        write.descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
         if (owner->ports.count(binding.port) == 0) {
           buffers[i] = zeros();
           break;
@@ -634,12 +631,10 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         break;
       }
       case vulkan::Binding::Kind::kParameters:
-        write.descriptorType = VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
         buffers[i] = {passes[static_cast<std::size_t>(owner - graph.passes.begin())]->parameters.handle(), 0,
                       VK_WHOLE_SIZE};
         break;
       case vulkan::Binding::Kind::kSwitchTable:
-        write.descriptorType = VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
         frame_buffers.push_back(switch_table(pass_of(state), binding.role));
         buffers[i] = {frame_buffers.back().handle(), 0, VK_WHOLE_SIZE};
         break;

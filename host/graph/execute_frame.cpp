@@ -164,7 +164,7 @@ void Executor::State::set_value(ResourceIndex resource, std::span<const std::byt
     buffer = device->make_buffer(std::max<std::uint64_t>(size * 2, 1024), usage, true);
   };
   // A value may be written once more within a frame only before anything recorded reads it; the device sees the last.
-  grow(value.uniform, bytes.size(), VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT);
+  grow(value.uniform, bytes.size(), VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
   grow(value.storage, bytes.size() + 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
   std::memset(value.storage.data(), 0, 16);
   if (!bytes.empty()) {

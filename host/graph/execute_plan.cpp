@@ -373,7 +373,8 @@ vulkan::Constants Executor::State::constants(const vulkan::CompiledShader& shade
 void Executor::State::write_parameters(PassState& state) {
   if (state.layout.size == 0) return;
   if (!state.parameters) {
-    state.parameters = device->make_buffer(state.layout.size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, true);
+    state.parameters = device->make_buffer(
+        state.layout.size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, true);
   }
   std::memset(state.parameters.data(), 0, state.layout.size);
   const Technique& technique = technique_of(state);

@@ -17,8 +17,10 @@ void main() {
 }
 )";
 
-VkDescriptorType descriptor_type(Binding::Kind kind) {
-  switch (kind) {
+}  // namespace
+
+VkDescriptorType descriptor_type(const Binding& binding) {
+  switch (binding.kind) {
     case Binding::Kind::kSampledImage:
       return VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER;
     case Binding::Kind::kStorageImage:
@@ -30,8 +32,10 @@ VkDescriptorType descriptor_type(Binding::Kind kind) {
     case Binding::Kind::kParameters:
       break;
   }
-  return VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
+  return binding.set == shader::kSetOfProviders ? VK_DESCRIPTOR_TYPE_STORAGE_BUFFER : VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
 }
+
+namespace {
 
 // Set layouts of one shader's bindings: those of sets 0 .. `count`-1 that are not given, empty ones where nothing is.
 void make_set_layouts(Device& device, const std::vector<Binding>& bindings, std::uint32_t count,
@@ -41,7 +45,7 @@ void make_set_layouts(Device& device, const std::vector<Binding>& bindings, std:
     if (sets.at(set) != VK_NULL_HANDLE) continue;
     std::vector<VkDescriptorSetLayoutBinding> slots;
     for (const Binding& binding : bindings) {
-      if (binding.set == set) slots.push_back({binding.binding, descriptor_type(binding.kind), 1, stage, nullptr});
+      if (binding.set == set) slots.push_back({binding.binding, descriptor_type(binding), 1, stage, nullptr});
     }
     VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
     info.bindingCount = static_cast<std::uint32_t>(slots.size());

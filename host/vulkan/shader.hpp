@@ -57,7 +57,7 @@ struct Binding {
     kStorageImage,
     kStorageBuffer,  // buffer ports; value ports whose block ends in an unsized array
     kUniformBuffer,  // other value ports
-    kParameters,     // uniform block with the pass's parameters, in declaration order (ParameterLayout)
+    kParameters,     // block with the pass's parameters, in declaration order (ParameterLayout)
     kSwitchTable,    // storage buffer, uint for each key: which provider of `role` serves it
   };
   std::uint32_t set = 0, binding = 0;
@@ -68,6 +68,10 @@ struct Binding {
   std::uint32_t access = 0;
   bool operator==(const Binding&) const = default;
 };
+
+/// How a binding is bound. Values and parameters of providers (set 1) are storage blocks: a branch on a uniform block
+/// of set 1 crashes lavapipe (Mesa 22.3) while it inlines uniforms.
+VkDescriptorType descriptor_type(const Binding& binding);
 
 /// Byte offsets of parameters in the block `params`, std140; HEDDLE_PARAMETER_CONSTANT ones are specialization
 /// constants (id = index of the parameter) and not in the block, names never are.

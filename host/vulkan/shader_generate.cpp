@@ -276,8 +276,8 @@ class Declarer {
     const std::string name = glsl_name(port.port) + std::string(scope_.suffix);
     const bool is_value = port.access == HEDDLE_ACCESS_VALUE;
     if (is_value && !members.back().is_unsized_array) {
-      line("layout(std140, set = {}, binding = {}) uniform HeddleValue_{} {{ {} }};", scope_.set,
-           bind(Binding::Kind::kUniformBuffer, port), name, text);
+      line("layout(std140, set = {}, binding = {}) {} HeddleValue_{} {{ {} }};", scope_.set,
+           bind(Binding::Kind::kUniformBuffer, port), block_keyword(), name, text);
     } else if (is_value) {
       line("layout(std430, set = {}, binding = {}) readonly buffer HeddleValue_{} {{ uvec4 heddle_header_{}; {} }};",
            scope_.set, bind(Binding::Kind::kStorageBuffer, port), name, name, text);
@@ -295,6 +295,11 @@ class Declarer {
     return scope_.suffix.empty() ? text : rename(text, facts, names, scope_.suffix);
   }
 
+  // As descriptor_type says.
+  [[nodiscard]] std::string_view block_keyword() const {
+    return scope_.set == kSetOfProviders ? "readonly buffer" : "uniform";
+  }
+
   void parameters() {
     if (scope_.technique == nullptr) return;
     const std::vector<Parameter>& all = scope_.technique->parameters;
@@ -302,7 +307,7 @@ class Declarer {
       const std::string name = declared("params");
       out_.bindings.push_back(
           {scope_.set, next_binding_, Binding::Kind::kParameters, std::string(scope_.pass), "", "", 0});
-      line("layout(std140, set = {}, binding = {}) uniform HeddleParams{} {{", scope_.set, next_binding_,
+      line("layout(std140, set = {}, binding = {}) {} HeddleParams{} {{", scope_.set, next_binding_, block_keyword(),
            scope_.suffix);
       ++next_binding_;
       for (const Parameter& parameter : all) {

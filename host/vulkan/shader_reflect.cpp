@@ -126,14 +126,14 @@ class StageCount {
 
   void check() const {
     const bool is_surfaces = shader_.kind == ShaderKind::kSurfaces;
-    const auto is = [](auto... kinds) {
-      return [=](const Binding& binding) { return ((binding.kind == kinds) || ...); };
+    const auto is = [](VkDescriptorType type) {
+      return [=](const Binding& binding) { return descriptor_type(binding) == type; };
     };
-    using Kind = Binding::Kind;
-    check_one("uniform buffers", kUniformBuffersOfStage, is(Kind::kUniformBuffer, Kind::kParameters),
+    check_one("uniform buffers", kUniformBuffersOfStage, is(VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER),
               is_surfaces ? kUniformBuffersOfProgram : 0);
-    check_one("samplers", kSamplersOfStage, is(Kind::kSampledImage), is_surfaces ? kSamplersOfMaterials : 0);
-    check_one("storage buffers", kStorageBuffersOfStage, is(Kind::kStorageBuffer, Kind::kSwitchTable),
+    check_one("samplers", kSamplersOfStage, is(VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER),
+              is_surfaces ? kSamplersOfMaterials : 0);
+    check_one("storage buffers", kStorageBuffersOfStage, is(VK_DESCRIPTOR_TYPE_STORAGE_BUFFER),
               is_surfaces ? kStorageBuffersOfProgram : 0);
   }
 

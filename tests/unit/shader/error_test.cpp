@@ -165,11 +165,11 @@ TEST_F(ShaderError, SeveralProvidersOfARoleThatCannotTellThemApart) {
             "  help:     choose it with functions.light = [\"sun\"] in pass 'caller'");
 }
 
-TEST_F(ShaderError, TooManyUniformBuffersForAStageNamesTheProviders) {
+TEST_F(ShaderError, TooManyBuffersForAStageNamesTheProviders) {
   Role role = light_role(Join::kSum);
   std::string text = "float light(uint key, vec3 position) { return 0.0";
   std::vector<BoundPort> ports;
-  for (int i = 0; i < 9; ++i) {
+  for (int i = 0; i < 17; ++i) {
     const std::string name = "value" + std::to_string(i);
     ports.push_back(value(name, "vec4 " + name + ";"));
     text += " + " + name + ".x";
@@ -177,12 +177,13 @@ TEST_F(ShaderError, TooManyUniformBuffersForAStageNamesTheProviders) {
   const Technique& many = provider_technique("light/many", "many.glsl", text + "; }\n");
   ShaderRequest made = calling_request();
   made.roles = {{&role, Join::kSum, {provider("sun", many, ports), provider("lamp", many, ports)}}};
-  EXPECT_EQ(error_of(made),
-            "error: shader 'shade' of pass 'caller' uses too many uniform buffers for one stage\n"
-            "  found:    18: 0 of its own, 9 of function 'light' of pass 'sun' (light/many), 9 of function 'light' of "
-            "pass 'lamp' (light/many)\n"
-            "  expected: at most 15\n"
-            "  help:     use fewer providers, or split the pass");
+  EXPECT_EQ(
+      error_of(made),
+      "error: shader 'shade' of pass 'caller' uses too many storage buffers for one stage\n"
+      "  found:    34: 0 of its own, 17 of function 'light' of pass 'sun' (light/many), 17 of function 'light' of "
+      "pass 'lamp' (light/many)\n"
+      "  expected: at most 32\n"
+      "  help:     use fewer providers, or split the pass");
 }
 
 }  // namespace
