@@ -34,7 +34,8 @@ int devices(const HostArguments& arguments, bool as_json) {
   if (as_json) {
     fmt::print("{}\n", text);
   } else {
-    for (const json& device : json::parse(text)["devices"]) print_device(device);
+    const json listed = json::parse(text);
+    for (const json& device : listed["devices"]) print_device(device);
   }
   return HEDDLE_OK;
 }

@@ -148,6 +148,11 @@ def test_list_needs_no_library_but_its_own(command):
     assert {role["name"] for role in json.loads(listed.stdout)["roles"]} >= {"shadow", "sky", "ambient_occlusion"}
 
 
+def test_devices_names_the_device_in_words_and_as_json(command):
+    devices = json.loads(run(command, "devices", "--json").stdout)["devices"]
+    assert devices and all(device["name"] in run(command, "devices").stdout for device in devices)
+
+
 def test_comparing_with_a_bound_exits_with_1(command, host, tmp_path):
     a, b = tmp_path / "a.png", tmp_path / "b.png"
     host.write_image(a, np.full((4, 4, 3), 0.5))
