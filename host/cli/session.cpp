@@ -156,6 +156,7 @@ void run_in_python(int argc, char** argv) {
   std::string path = (prefix / "lib" / "heddle" / "python").string();
   if (const char* present = std::getenv("PYTHONPATH"); present != nullptr) path += std::string(":") + present;
   setenv("PYTHONPATH", path.c_str(), 1);
+  setenv("HEDDLE_LIBRARY", (prefix / "lib" / "libheddle.so").c_str(), 0);  // this command's, unless another was chosen
   // A distribution's Python has the distribution's numpy; another python3 may come before it in PATH.
   const char* chosen = std::getenv("HEDDLE_PYTHON");
   const std::string python = chosen != nullptr                       ? chosen
