@@ -22,7 +22,6 @@
 #include <nlohmann/json.hpp>
 #include <span>
 
-using heddle::Diagnostic;
 using heddle::Error;
 using heddle::Severity;
 using Json = nlohmann::ordered_json;

@@ -18,9 +18,9 @@
 namespace heddle {
 
 struct Location {
-  std::string file;    // as the user named it; empty: no place
-  std::uint32_t line = 0;   // from 1; 0: the whole file
-  std::uint32_t column = 0; // from 1, in characters
+  std::string file;          // as the user named it; empty: no place
+  std::uint32_t line = 0;    // from 1; 0: the whole file
+  std::uint32_t column = 0;  // from 1, in characters
 };
 
 enum class Severity : std::uint8_t { kError, kWarning, kInfo };

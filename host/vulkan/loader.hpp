@@ -42,12 +42,13 @@ class ValidationSink {
   std::function<void(Severity, std::string_view)> log_;
 };
 
-#define HEDDLE_INSTANCE_FUNCTIONS(X)                                                                 \
-  X(DestroyInstance)                                                                                 \
-  X(EnumeratePhysicalDevices)                                                                        \
-  X(GetPhysicalDeviceProperties2) X(GetPhysicalDeviceFeatures2) X(GetPhysicalDeviceMemoryProperties) \
-      X(GetPhysicalDeviceQueueFamilyProperties) X(GetPhysicalDeviceFormatProperties)                 \
-          X(GetPhysicalDeviceImageFormatProperties) X(CreateDevice) X(GetDeviceProcAddr)
+#define HEDDLE_INSTANCE_FUNCTIONS(X)                                                                           \
+  X(DestroyInstance)                                                                                           \
+  X(EnumeratePhysicalDevices)                                                                                  \
+  X(GetPhysicalDeviceProperties2)                                                                              \
+  X(GetPhysicalDeviceFeatures2) X(GetPhysicalDeviceMemoryProperties) X(GetPhysicalDeviceQueueFamilyProperties) \
+      X(GetPhysicalDeviceFormatProperties) X(GetPhysicalDeviceImageFormatProperties) X(CreateDevice)           \
+          X(GetDeviceProcAddr)
 
 /// A Vulkan 1.3 instance and its functions.
 class Instance {

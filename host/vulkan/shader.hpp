@@ -70,8 +70,8 @@ struct Binding {
 };
 
 /// How a binding is bound. Values and parameters of providers (set 1) are storage blocks: lavapipe (Mesa 22.3)
-/// keeps the offsets of uniforms that branches depend on in a table that is too small, and writes past it from a stage's
-/// fourth uniform block on; joined shaders have many.
+/// keeps the offsets of uniforms that branches depend on in a table that is too small, and writes past it from a
+/// stage's fourth uniform block on; joined shaders have many.
 VkDescriptorType descriptor_type(const Binding& binding);
 
 /// Byte offsets of parameters in the block `params`, std140; HEDDLE_PARAMETER_CONSTANT ones are specialization

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The Earth's clear air, for C++ and GLSL. Kilometres; red, green, blue stand for 680, 550 and 440 nm.
-// Source  Bruneton and Neyret 2008, "Precomputed Atmospheric Scattering"; Hillaire 2020, "A Scalable and Production Ready
+// Source  Bruneton and Neyret 2008, "Precomputed Atmospheric Scattering"; Hillaire 2020, "A Scalable and Production
+// Ready
 //         Sky and Atmosphere Rendering Technique", table 1
 #ifndef HEDDLE_SKY_ATMOSPHERE_CONSTANTS_H
 #define HEDDLE_SKY_ATMOSPHERE_CONSTANTS_H
