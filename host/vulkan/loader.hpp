@@ -42,13 +42,16 @@ class ValidationSink {
   std::function<void(Severity, std::string_view)> log_;
 };
 
-#define HEDDLE_INSTANCE_FUNCTIONS(X)                                                                           \
-  X(DestroyInstance)                                                                                           \
-  X(EnumeratePhysicalDevices)                                                                                  \
-  X(GetPhysicalDeviceProperties2)                                                                              \
-  X(GetPhysicalDeviceFeatures2) X(GetPhysicalDeviceMemoryProperties) X(GetPhysicalDeviceQueueFamilyProperties) \
-      X(GetPhysicalDeviceFormatProperties) X(GetPhysicalDeviceImageFormatProperties) X(CreateDevice)           \
-          X(GetDeviceProcAddr)
+// The formatter never comes to rest on this list.
+// clang-format off
+#define HEDDLE_INSTANCE_FUNCTIONS(X)                                                                                  \
+  X(DestroyInstance)                                                                                                  \
+  X(EnumeratePhysicalDevices)                                                                                         \
+  X(GetPhysicalDeviceProperties2)                                                                                     \
+  X(GetPhysicalDeviceFeatures2)                                                                                       \
+  X(GetPhysicalDeviceMemoryProperties) X(GetPhysicalDeviceQueueFamilyProperties) X(GetPhysicalDeviceFormatProperties) \
+      X(GetPhysicalDeviceImageFormatProperties) X(CreateDevice) X(GetDeviceProcAddr)
+// clang-format on
 
 /// A Vulkan 1.3 instance and its functions.
 class Instance {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Atrium: a colonnaded courtyard of two storeys, open to the sky, of a few thousand instanced parts.
+"""Atrium: a colonnaded courtyard of two storeys, open to the sky, of several hundred instanced parts.
 
 Heddle's default scene. Everything is made here: geometry, textures, lamps. About 30 m long, 13 m wide, 10 m high; the
 sun comes from the graph's sky, the lamps are point lights of 150 cd under the galleries and one spot over the fountain.
