@@ -93,7 +93,7 @@ Real single_scattering(const Vector& p, const Vector& view, const Vector& sun, i
     const Real sigma = extinction(h, channel, mie_density);
     depth += 0.5L * sigma * dt;
     if (meet_sphere(q, sun, Real(SKY_GROUND_RADIUS)) < 0) {
-      const Real to_sun = optical_depth_between(q, sun, meet_sphere(q, sun, top), channel, mie_density, 80);
+      const Real to_sun = optical_depth_between(q, sun, meet_sphere(q, sun, top), channel, mie_density, 400);
       const Real scattered =
           kRayleigh[static_cast<std::size_t>(channel)] * std::exp(-h / Real(SKY_RAYLEIGH_HEIGHT)) * rayleigh_phase +
           mie_density * Real(SKY_MIE_SCATTERING) * std::exp(-h / Real(SKY_MIE_HEIGHT)) * mie_phase;

@@ -180,7 +180,7 @@ TEST_F(ShaderError, TooManyBuffersForAStageNamesTheProviders) {
   EXPECT_EQ(
       error_of(made),
       "error: shader 'shade' of pass 'caller' uses too many storage buffers for one stage\n"
-      "  found:    34: 0 of its own, 17 of function 'light' of pass 'sun' (light/many), 17 of function 'light' of "
+      "  found:    35: 1 of its own, 17 of function 'light' of pass 'sun' (light/many), 17 of function 'light' of "
       "pass 'lamp' (light/many)\n"
       "  expected: at most 32\n"
       "  help:     use fewer providers, or split the pass");
