@@ -195,6 +195,10 @@ void check_camera(const heddle_camera& camera) {
                              camera.rotation[1], camera.rotation[2], camera.rotation[3]}) {
     if (!std::isfinite(value)) throw Error(HEDDLE_BAD_INPUT, "the camera's place is not finite");
   }
+  if (!(camera.near_distance >= 0) || !(camera.far_distance >= 0) || !(camera.aspect >= 0)) {
+    throw Error(HEDDLE_BAD_INPUT, "the camera's near_distance, far_distance or aspect is negative or not a number",
+                "0 chooses for you");
+  }
   const double limit = camera.is_orthographic != 0 ? std::numeric_limits<double>::max() : 3.141592;
   if (!(camera.vertical_angle > 0 && camera.vertical_angle < limit)) {
     throw Error(HEDDLE_BAD_INPUT,
@@ -207,7 +211,19 @@ void check_camera(const heddle_camera& camera) {
 void resolve_into(heddle_graph& graph, heddle::graph::WrittenGraph written) {
   heddle::graph::ResolvedGraph resolved = heddle::graph::resolve(written, *graph.host->registry);
   auto executor = std::make_unique<heddle::graph::Executor>(*graph.host->services, std::move(resolved));
-  for (const std::string& port : graph.kept) executor->keep(port);
+  std::vector<std::string> kept;
+  for (const std::string& port : graph.kept) {
+    try {
+      executor->keep(port);
+      kept.push_back(port);
+    } catch (const Error&) {
+      graph.host->log(Severity::kWarning,
+                      fmt::format("warning: port '{}' is no longer kept: the graph has no pass that "
+                                  "makes it now",
+                                  port));
+    }
+  }
+  graph.kept = std::move(kept);
   graph.written = std::move(written);
   graph.executor = std::move(executor);
 }
@@ -639,6 +655,10 @@ heddle_status heddle_graph_set(heddle_graph* graph, const char* setting) {
 heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene, const heddle_render_options* options) {
   return guarded(graph->host->error, [&] {
     const heddle_render_options chosen = options != nullptr ? take(options, "options") : heddle_render_options{};
+    if (!std::isfinite(chosen.time) || !std::isfinite(chosen.time_step)) {
+      throw Error(HEDDLE_BAD_INPUT,
+                  fmt::format("time is {}, time_step {}: expected finite seconds", chosen.time, chosen.time_step));
+    }
     heddle::graph::FrameOptions frame;
     frame.profile = (chosen.flags & HEDDLE_RENDER_PROFILE) != 0;
     frame.cut = chosen.cut != 0;

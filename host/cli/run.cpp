@@ -47,6 +47,14 @@ int run(RunArguments& arguments) {
   std::vector<Output> outputs;
   for (const std::string& text : arguments.outputs) outputs.push_back(parse_output(text));
   if (outputs.empty()) outputs.push_back({{}, "heddle.png"});
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    for (std::size_t other = 0; other < i; ++other) {
+      if (outputs[i].file == outputs[other].file) {
+        throw Failure{HEDDLE_BAD_INPUT,
+                      fmt::format("error: two outputs were given the file '{}'", outputs[i].file.string())};
+      }
+    }
+  }
   for (const Output& output : outputs) {
     if (!output.port.empty()) check(host.get(), heddle_graph_keep(graph.get(), output.port.c_str()));
   }
@@ -92,7 +100,7 @@ void add_run(CLI::App& app, int* exit_status) {
   command
       ->add_option(
           "--output,-o", arguments->outputs,
-          "FILE for the graph's output, or PASS.PORT=FILE for any port; .exr keeps floats (default: heddle.png)")
+          "FILE for the graph's output, or PASS.PORT=FILE for any image port; .exr keeps floats (default: heddle.png)")
       ->take_all()
       ->allow_extra_args(false);
   command->add_option("--stats", arguments->stats, "write counters, memory and times as JSON; - for standard output");

@@ -58,19 +58,42 @@ def _choice(value: str, names: Sequence[str], what: str) -> int:
 
 
 class _Object:
-    """An object of the C API; destroyed by close(), `with`, or with the Python object."""
+    """An object of the C API; destroyed by close(), `with`, or with the Python object.
+
+    Finalizers run in any order (cycles, the end of the interpreter), so a host keeps the handles of what was made from it
+    and destroys those first; what lost its host that way does nothing more.
+    """
 
     _destroy: Callable
 
     def __init__(self, handle: ctypes.c_void_p, host: Host | None):
-        self._handle = handle
-        self._host = host  # keeps the host alive while this lives
+        self._raw = handle.value
+        self._host = host
+        self._children: dict[int, Callable] = {}
+        if host is not None:
+            host._children[self._raw] = type(self)._destroy
+
+    @property
+    def _handle(self) -> ctypes.c_void_p:
+        if self._raw is None or (self._host is not None and self._raw not in self._host._children):
+            raise Error(2, f"error: this {type(self).__name__} is closed, or its Host is")
+        return ctypes.c_void_p(self._raw)
 
     def close(self) -> None:
-        """Destroys the object; a second call does nothing."""
-        if self._handle:
-            type(self)._destroy(self._handle)
-            self._handle = ctypes.c_void_p()
+        """Destroys the object, and for a host everything made from it; a second call does nothing."""
+        raw, self._raw = getattr(self, "_raw", None), None
+        if raw is None:
+            return
+        if self._host is not None:
+            destroy = self._host._children.pop(raw, None)
+            if destroy is not None:
+                destroy(raw)
+            return
+        # Graphs before scenes: a graph may hold what it uploaded of a scene.
+        for child, destroy in sorted(self._children.items(), key=lambda item: item[1] is not Graph._destroy):
+            destroy(child)
+        self._children.clear()
+        type(self)._destroy(raw)
 
     def __enter__(self):
         return self
@@ -79,8 +102,7 @@ class _Object:
         self.close()
 
     def __del__(self):
-        if getattr(self, "_handle", None):
-            self.close()
+        self.close()
 
     def _check(self, status: int) -> None:
         if status:
@@ -260,7 +282,10 @@ class Scene(_Object):
         record.type = _choice(type, LIGHT_TYPES, "light type")
         record.intensity[:] = tuple(intensity)
         unit = np.asarray(direction, dtype=np.float64)
-        record.direction[:] = tuple(unit / np.linalg.norm(unit))
+        length = np.linalg.norm(unit)
+        if not (np.isfinite(length) and length > 0):
+            raise Error(2, f"error: the light's direction is {tuple(unit)}: expected a finite vector that is not zero")
+        record.direction[:] = tuple(unit / length)
         record.range = range
         record.radius = radius
         record.tangent[:] = tuple(tangent)

@@ -138,6 +138,33 @@ def test_errors_carry_place_and_status(host):
     assert "no such file.glb" in str(raised.value)
 
 
+LIFETIMES = {
+    "the host is closed before its graph and scene": (
+        "with heddle.Host() as host:\n"
+        "    graph, scene = host.graph('deferred', ['extent=[16,16]']), host.scene()\n"
+        "    graph.render(scene)\n"),
+    "a cycle holds them all": (
+        "class Holder: pass\n"
+        "holder = Holder(); holder.me = holder\n"
+        "holder.host = heddle.Host(); holder.scene = holder.host.scene(); holder.graph = holder.host.graph('deferred')\n"
+        "del holder\nimport gc; gc.collect()\n"),
+    "the interpreter ends": (
+        "host = heddle.Host()\n"
+        "def make(): return host.graph('deferred', ['extent=[16,16]']), host.scene()\n"
+        "graph, scene = make(); graph.render(scene)\n"),
+    "something closed is used": (
+        "host = heddle.Host(); graph, scene = host.graph('deferred'), host.scene(); host.close()\n"
+        "try:\n    graph.render(scene)\n    raise SystemExit(1)\n"
+        "except heddle.Error as error:\n    assert 'closed' in str(error)\n"),
+}
+
+
+@pytest.mark.parametrize("name", LIFETIMES)
+def test_objects_end_in_any_order_when(name):
+    ended = subprocess.run([sys.executable, "-c", "import heddle\n" + LIFETIMES[name]], capture_output=True, text=True)
+    assert ended.returncode == 0, ended.stderr
+
+
 def run(command, *arguments):
     return subprocess.run([command, *arguments], capture_output=True, text=True)
 
