@@ -231,8 +231,7 @@ std::uint32_t Executor::State::add_view(const HeddleView& view) {
   return offset;
 }
 
-void Executor::State::write_neutral(PassState& state, const ScheduledStage& stage, heddle_frame& frame) {
-  (void)frame;
+void Executor::State::write_neutral(PassState& state, const ScheduledStage& stage) {
   const Pass& pass = pass_of(state);
   const Stage& declared = technique_of(state).stages[stage.stage];
   for (const Access& access : declared.accesses) {
@@ -342,7 +341,7 @@ void Executor::State::run_stage(std::uint32_t index) {
   record_barriers(barriers.before[index]);
   if (activity == HEDDLE_KEEP) return;
   if (activity == HEDDLE_NOTHING) {
-    write_neutral(state, scheduled, frame);
+    write_neutral(state, scheduled);
     return;
   }
   if (scheduled.kind == StageKind::kCpu) {

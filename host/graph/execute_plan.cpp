@@ -263,8 +263,7 @@ void Executor::State::initialize_kept() {
   });
 }
 
-vulkan::BoundPort Executor::State::bound_port(const Pass& pass, const Access& access, const Stage* stage) const {
-  (void)stage;
+vulkan::BoundPort Executor::State::bound_port(const Pass& pass, const Access& access) const {
   vulkan::BoundPort bound;
   const Port& port = *pass.entry.technique->find_port(access.port);
   const RolePort* contract = pass.role->find_port(access.port);
@@ -307,7 +306,7 @@ void Executor::State::add_role(const Pass& caller, const std::string& role,
       provided.pass = provider.name;
       provided.technique = provider.entry.technique;
       provided.folder = provider.entry.manifest->folder;
-      for (const Access& access : function->accesses) provided.ports.push_back(bound_port(provider, access, nullptr));
+      for (const Access& access : function->accesses) provided.ports.push_back(bound_port(provider, access));
       // Callees come first in the joined text.
       for (const std::string& callee : function->calls) add_role(provider, callee, roles);
       request.providers.push_back(std::move(provided));
@@ -324,7 +323,7 @@ vulkan::ShaderRequest Executor::State::shader_request(const PassState& state, co
   request.shader = &shader;
   request.folder = pass.entry.manifest->folder;
   const Stage* stage = pass.entry.technique->find_stage(shader.stage);
-  for (const Access& access : stage->accesses) request.ports.push_back(bound_port(pass, access, stage));
+  for (const Access& access : stage->accesses) request.ports.push_back(bound_port(pass, access));
   for (const std::string& role : shader.calls) add_role(pass, role, request.roles);
   const auto folders = services.registry.shared_folders();
   request.shared_folders.assign(folders.begin(), folders.end());

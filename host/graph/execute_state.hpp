@@ -36,8 +36,7 @@ struct ShaderState {
 };
 
 struct PassState {
-  heddle_pass_host api{};  // api.host = this
-  Executor* executor = nullptr;
+  heddle_pass_host api{};          // api.host = this
   void* executor_state = nullptr;  // Executor::State
   PassIndex index = kNoIndex;
   std::shared_ptr<Library> library;
@@ -128,7 +127,7 @@ struct Executor::State {
   void compile_passes();
   void write_parameters(PassState& pass);
   [[nodiscard]] vulkan::Constants constants(const vulkan::CompiledShader& shader) const;
-  [[nodiscard]] vulkan::BoundPort bound_port(const Pass& pass, const Access& access, const Stage* stage) const;
+  [[nodiscard]] vulkan::BoundPort bound_port(const Pass& pass, const Access& access) const;
   [[nodiscard]] vulkan::ShaderRequest shader_request(const PassState& pass, const Shader& shader) const;
   void add_role(const Pass& caller, const std::string& role, std::vector<vulkan::RoleRequest>& roles) const;
   [[nodiscard]] vulkan::RasterState raster_state(const Pass& pass, const Shader& shader) const;
@@ -141,7 +140,7 @@ struct Executor::State {
   void record_barriers(std::span<const Barrier> list);
   void run_stage(std::uint32_t index);
   void run_cpu_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
-  void write_neutral(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
+  void write_neutral(PassState& pass, const ScheduledStage& stage);
   void clear_image(ResourceState& state, const Resource& resource, const std::array<double, 4>& value);
   VkDescriptorSet allocate_set(VkDescriptorSetLayout layout);
   VkDescriptorSet port_set(const PassState& pass, const ShaderState& shader, std::uint32_t set);
