@@ -4,6 +4,7 @@
 #include "compare/metrics.hpp"
 #include "graph/execute.hpp"
 #include "image/image.hpp"
+#include "json.hpp"
 #include "plugin/list.hpp"
 #include "scene/arrays.hpp"
 #include "scene/scene.hpp"
@@ -19,12 +20,12 @@
 #include <cstdlib>
 #include <cstring>
 #include <functional>
-#include <nlohmann/json.hpp>
 #include <span>
 
 using heddle::Error;
+using heddle::Json;
 using heddle::Severity;
-using Json = nlohmann::ordered_json;
+using heddle::write_json;
 
 namespace {
 
@@ -375,7 +376,7 @@ heddle_status heddle_devices(heddle_host* host, const char** out_json) {
   return guarded(host->error, [&] {
     Json devices = Json::array();
     for (const auto& device : heddle::vulkan::list_devices()) devices.push_back(device_json(device));
-    host->devices_text = Json{{"devices", devices}}.dump(2);
+    host->devices_text = write_json(Json{{"devices", devices}}, 2);
     *out_json = host->devices_text.c_str();
   });
 }
@@ -422,7 +423,7 @@ heddle_status heddle_doctor(heddle_host* host, const char** out_json) {
       techniques.push_back(entry);
     }
     report["techniques"] = techniques;
-    host->doctor_text = report.dump(2);
+    host->doctor_text = write_json(report, 2);
     *out_json = host->doctor_text.c_str();
   });
 }
@@ -693,7 +694,7 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
                       {"kept_bytes", stats.kept_bytes}};
     json["libraries"] = stats.libraries;
     if (graph->host->device) json["device"] = device_json(graph->host->device->info());
-    graph->stats = json.dump(2);
+    graph->stats = write_json(json, 2);
     *out_json = graph->stats.c_str();
   });
 }

@@ -2,6 +2,7 @@
 // heddle compare: two image files, or one graph with two techniques of a role: images, difference, numbers, times.
 
 #include "cli/session.hpp"
+#include "json.hpp"
 
 #include <fmt/format.h>
 
@@ -9,13 +10,10 @@
 #include <algorithm>
 #include <array>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 namespace heddle::cli {
 
 namespace {
-
-using nlohmann::json;
 
 struct CompareArguments : RenderArguments {
   std::string swap;  // "ao=gtao,ray_traced"
@@ -40,16 +38,16 @@ constexpr std::array<MetricText, 7> kMetrics{{{"rmse", "sqrt(mean (a-b)^2)"},
                                               {"maximum", "max |a-b|"},
                                               {"percentile_99", "99th percentile of |a-b|"}}};
 
-void print_metrics(const json& metrics) {
+void print_metrics(const Json& metrics) {
   for (const MetricText& metric : kMetrics) {
-    const json& value = metrics.at(metric.key);
+    const Json& value = metrics.at(metric.key);
     const std::string text = value.is_number() ? fmt::format("{:.6g}", value.get<double>()) : "infinite";
     fmt::print("  {:<16} {:>12}   {}\n", metric.key, text, metric.formula);
   }
 }
 
 /// "rmse=0.01": exits 1 if the metric is above (psnr: below) the bound.
-int check_bounds(const std::vector<std::string>& bounds, const json& metrics) {
+int check_bounds(const std::vector<std::string>& bounds, const Json& metrics) {
   int status = HEDDLE_OK;
   for (const std::string& bound : bounds) {
     const std::size_t equals = bound.find('=');
@@ -95,7 +93,7 @@ int compare_files(CompareArguments& arguments) {
   const char* text = nullptr;
   check(host.get(), heddle_image_compare(host.get(), &a, &b,
                                          arguments.difference.empty() ? nullptr : arguments.difference.c_str(), &text));
-  const json metrics = json::parse(text);
+  const Json metrics = parse_json(text);
   if (arguments.as_json) {
     fmt::print("{}\n", text);
   } else {
@@ -146,7 +144,7 @@ int compare_techniques(CompareArguments& arguments) {
     check(host.get(), heddle_render(variant.graph.get(), scene.get(), &options));
     const char* text = nullptr;
     check(host.get(), heddle_stats(variant.graph.get(), &text));
-    if (is_timed) variant.frame_ms.push_back(json::parse(text)["submit_ms"].get<double>());
+    if (is_timed) variant.frame_ms.push_back(parse_json(text)["submit_ms"].get<double>());
   };
   // Each first frame compiles; then the variants take turns, A B B A.
   say(arguments.host, fmt::format("rendering {} and {}", variants[0].technique, variants[1].technique));
@@ -179,11 +177,11 @@ int compare_techniques(CompareArguments& arguments) {
   check(host.get(),
         heddle_image_compare(host.get(), &variants[0].image, &variants[1].image, difference.c_str(), &text));
   fmt::print("wrote {}\n", difference.string());
-  const json metrics = json::parse(text);
+  const Json metrics = parse_json(text);
   if (arguments.as_json) {
-    json report{{"metrics", metrics}};
+    Json report{{"metrics", metrics}};
     for (const Variant& variant : variants) report["median_frame_ms"][variant.technique] = median(variant.frame_ms);
-    fmt::print("{}\n", report.dump(2));
+    fmt::print("{}\n", write_json(report, 2));
   } else {
     fmt::print("{}: {} against {}\n", shows_output ? "output" : arguments.port, variants[0].technique,
                variants[1].technique);

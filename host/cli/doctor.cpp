@@ -2,25 +2,23 @@
 // heddle doctor and heddle devices: what this machine can run, and what happens where it cannot.
 
 #include "cli/session.hpp"
+#include "json.hpp"
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 namespace heddle::cli {
 
 namespace {
-
-using nlohmann::json;
 
 std::string indented(std::string text) {
   for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 5) text.insert(at + 1, "    ");
   return text;
 }
 
-void print_device(const json& device) {
+void print_device(const Json& device) {
   fmt::print("  {} {} ({}, {} {}, Vulkan {}){}\n", device["index"].get<int>(), device["name"].get<std::string>(),
              device["type"].get<std::string>(), device["driver"].get<std::string>(),
              device["driver_version"].get<std::string>(), device["api"].get<std::string>(),
@@ -34,8 +32,8 @@ int devices(const HostArguments& arguments, bool as_json) {
   if (as_json) {
     fmt::print("{}\n", text);
   } else {
-    const json listed = json::parse(text);
-    for (const json& device : listed["devices"]) print_device(device);
+    const Json listed = parse_json(text);
+    for (const Json& device : listed["devices"]) print_device(device);
   }
   return HEDDLE_OK;
 }
@@ -44,16 +42,16 @@ int doctor(const HostArguments& arguments, bool as_json) {
   const Owned<heddle_host> host = make_host(arguments);
   const char* text = nullptr;
   check(host.get(), heddle_doctor(host.get(), &text));
-  const json report = json::parse(text);
+  const Json report = parse_json(text);
   bool is_well = true;
-  for (const json& found : report["checks"]) is_well = is_well && found["found"].get<bool>();
-  for (const json& technique : report["techniques"]) is_well = is_well && technique["runs"].get<bool>();
+  for (const Json& found : report["checks"]) is_well = is_well && found["found"].get<bool>();
+  for (const Json& technique : report["techniques"]) is_well = is_well && technique["runs"].get<bool>();
   if (as_json) {
     fmt::print("{}\n", text);
     return is_well ? HEDDLE_OK : HEDDLE_UNSUPPORTED;
   }
   fmt::print("heddle {}, ABI {}\n", report["version"].get<std::string>(), report["abi"].get<std::string>());
-  for (const json& found : report["checks"]) {
+  for (const Json& found : report["checks"]) {
     fmt::print("{} {} (for {})\n", found["found"].get<bool>() ? "ok     " : "MISSING", found["name"].get<std::string>(),
                found["for"].get<std::string>());
     if (found.contains("problem")) fmt::print("    {}\n", indented(found["problem"].get<std::string>()));
@@ -63,7 +61,7 @@ int doctor(const HostArguments& arguments, bool as_json) {
     print_device(report["device"]);
   }
   fmt::print("techniques:\n");
-  for (const json& technique : report["techniques"]) {
+  for (const Json& technique : report["techniques"]) {
     fmt::print("  {} {}\n", technique["runs"].get<bool>() ? "ok " : "NO ", technique["id"].get<std::string>());
     if (technique.contains("problem")) {
       fmt::print("    {}\n    instead: {}\n", indented(technique["problem"].get<std::string>()),

@@ -2,23 +2,22 @@
 // heddle list: roles and techniques, from manifests alone.
 
 #include "cli/session.hpp"
+#include "json.hpp"
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 namespace heddle::cli {
 
 namespace {
 
-using nlohmann::json;
-
-void print_parameters(const json& technique) {
-  for (const json& parameter : technique["parameters"]) {
+void print_parameters(const Json& technique) {
+  for (const Json& parameter : technique["parameters"]) {
     std::string ladder;
-    if (parameter.contains("ladder") && !parameter["ladder"].empty()) ladder = "  ladder " + parameter["ladder"].dump();
+    if (parameter.contains("ladder") && !parameter["ladder"].empty())
+      ladder = "  ladder " + write_json(parameter["ladder"]);
     fmt::print("      {:<22} {:<8} {}{}\n", parameter["name"].get<std::string>(), parameter.value("unit", ""),
                parameter.value("help", ""), ladder);
   }
@@ -32,14 +31,14 @@ int list(const HostArguments& arguments, const std::string& only_role, bool as_j
     fmt::print("{}\n", text);
     return HEDDLE_OK;
   }
-  const json list = json::parse(text);
+  const Json list = parse_json(text);
   bool is_known = only_role.empty();
-  for (const json& role : list["roles"]) {
+  for (const Json& role : list["roles"]) {
     const auto name = role["name"].get<std::string>();
     if (!only_role.empty() && name != only_role) continue;
     is_known = true;
     fmt::print("{}: {}\n", name, role.value("title", ""));
-    for (const json& technique : list["techniques"]) {
+    for (const Json& technique : list["techniques"]) {
       if (technique["role"] != name) continue;
       const auto id = technique["id"].get<std::string>();
       fmt::print("  {:<24} {}{}\n", id.substr(id.find('/') + 1), technique.value("title", ""),
@@ -49,7 +48,7 @@ int list(const HostArguments& arguments, const std::string& only_role, bool as_j
   }
   if (!is_known) {
     std::vector<std::string> names;
-    for (const json& role : list["roles"]) names.push_back(role["name"].get<std::string>());
+    for (const Json& role : list["roles"]) names.push_back(role["name"].get<std::string>());
     throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: there is no role '{}'\n  expected: one of {}", only_role,
                                                 fmt::join(names, ", "))};
   }

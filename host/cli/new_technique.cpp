@@ -6,17 +6,15 @@
 
 #include <CLI/CLI.hpp>
 #include <fstream>
-#include <nlohmann/json.hpp>
 
 #include "cli/session.hpp"
 #include "cli/technique_template.hpp"
+#include "json.hpp"
 
 namespace heddle::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using nlohmann::json;
-
 struct Arguments {
   HostArguments host;
   std::string role, name;
@@ -31,9 +29,9 @@ bool is_technique_name(std::string_view name) {
          name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_") == std::string_view::npos;
 }
 
-const json& find_role(const json& list, const std::string& name) {
+const Json& find_role(const Json& list, const std::string& name) {
   std::vector<std::string> names;
-  for (const json& role : list["roles"]) {
+  for (const Json& role : list["roles"]) {
     if (role["name"] == name) return role;
     names.push_back(role["name"].get<std::string>());
   }
@@ -80,7 +78,7 @@ void run(const Arguments& arguments) {
   const Owned<heddle_host> host = make_host(arguments.host);
   const char* text = nullptr;
   check(host.get(), heddle_list(host.get(), &text));
-  const json list = json::parse(text);
+  const Json list = parse_json(text);
   const auto files = technique_template(find_role(list, arguments.role), arguments.name,
                                         arguments.language == "c" ? TemplateLanguage::kC : TemplateLanguage::kCpp);
   const fs::path folder = fs::path(arguments.folder) / arguments.role / arguments.name;

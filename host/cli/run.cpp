@@ -2,13 +2,13 @@
 // heddle run: renders a scene through a graph and writes images of its ports.
 
 #include "cli/session.hpp"
+#include "json.hpp"
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <fstream>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 namespace heddle::cli {
 
@@ -31,7 +31,7 @@ struct RunArguments : RenderArguments {
   bool profile = false;
 };
 
-void print_stages(const nlohmann::json& stats) {
+void print_stages(const Json& stats) {
   fmt::print("{:<16} {:<16} {:>10} {:>10}\n", "pass", "stage", "wall ms", "CPU ms");
   for (const auto& stage : stats["stages"]) {
     fmt::print("{:<16} {:<16} {:>10.3f} {:>10.3f}\n", stage["pass"].get<std::string>(),
@@ -81,7 +81,7 @@ int run(RunArguments& arguments) {
       throw Failure{HEDDLE_FAILED, fmt::format("error: cannot write '{}'", arguments.stats)};
     }
   }
-  const nlohmann::json parsed = nlohmann::json::parse(stats);
+  const Json parsed = parse_json(stats);
   if (arguments.profile) print_stages(parsed);
   say(arguments.host,
       fmt::format("frame {} on {}: {:.1f} ms; transient memory {:.1f} MiB ({:.1f} MiB without aliasing)",

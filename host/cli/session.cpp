@@ -2,6 +2,7 @@
 // Owners, arguments and files for the subcommands.
 
 #include "cli/session.hpp"
+#include "json.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -10,7 +11,6 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
-#include <nlohmann/json.hpp>
 
 namespace heddle::cli {
 
@@ -114,7 +114,7 @@ Owned<heddle_scene> load_scene(heddle_host* host, const RenderArguments& argumen
   if (!arguments.scene.empty()) check(host, heddle_scene_load(loaded.get(), arguments.scene.c_str()));
   const char* text = nullptr;
   check(host, heddle_scene_describe(loaded.get(), &text));
-  const nlohmann::json description = nlohmann::json::parse(text);
+  const Json description = parse_json(text);
   const auto cameras = description.value("cameras", std::vector<std::string>{});
   if (!arguments.camera.empty()) {
     auto found = std::find(cameras.begin(), cameras.end(), arguments.camera);

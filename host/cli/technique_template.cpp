@@ -6,20 +6,18 @@
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "cli/session.hpp"
+#include "json.hpp"
 
 namespace heddle::cli {
 namespace {
 
-using nlohmann::json;
-
 // Every device stores to it, and it holds every range; the comment beside it says to choose a smaller one.
 constexpr std::string_view kFormat = "VK_FORMAT_R32G32B32A32_SFLOAT";
 
-std::string text_of(const json& object, const char* key) {
+std::string text_of(const Json& object, const char* key) {
   return object[key].get<std::string>();
 }
 
@@ -32,22 +30,22 @@ std::string c_literal(std::string_view text) {
   return result + "\"";
 }
 
-std::string glsl_number(const json& number) {
+std::string glsl_number(const Json& number) {
   if (number.is_string()) return number == "inf" ? "uintBitsToFloat(0x7f800000u)" : "uintBitsToFloat(0xff800000u)";
   std::string text = fmt::format("{}", number.get<double>());
   if (text.find_first_of(".e") == std::string::npos) text += ".0";
   return text;
 }
 
-std::string glsl_vec4(const json& numbers) {
+std::string glsl_vec4(const Json& numbers) {
   std::string text;
-  for (const json& number : numbers) text += (text.empty() ? "" : ", ") + glsl_number(number);
+  for (const Json& number : numbers) text += (text.empty() ? "" : ", ") + glsl_number(number);
   return "vec4(" + text + ")";
 }
 
 /// A port of the role that the template uses, and how.
 struct UsedPort {
-  const json* role = nullptr;
+  const Json* role = nullptr;
   std::string name, builder, c_type, access;
   bool is_optional = false;
   bool is_output = false;
@@ -56,9 +54,9 @@ struct UsedPort {
 /// What the template knows of its role.
 class Template {
  public:
-  Template(const json& role, std::string_view name, TemplateLanguage language)
+  Template(const Json& role, std::string_view name, TemplateLanguage language)
       : role_(role), name_(name), role_name_(text_of(role, "name")), language_(language) {
-    for (const json& port : role["ports"]) use(port);
+    for (const Json& port : role["ports"]) use(port);
     const bool has_output =
         std::any_of(ports_.begin(), ports_.end(), [](const UsedPort& port) { return port.is_output; });
     has_function_ = !role["functions"].empty();
@@ -93,7 +91,7 @@ class Template {
   // "display/grey: A grey display."
   std::string first_line() const { return fmt::format("{}: {}", id(), text_of(role_, "title")); }
 
-  void use(const json& port) {
+  void use(const Json& port) {
     const std::string type = text_of(port, "type");
     const std::string direction = text_of(port, "direction");
     UsedPort used;
@@ -301,7 +299,7 @@ class Template {
     text += fmt::format("  if (any(greaterThanEqual(pixel, size_{}()))) return;\n", outputs().front()->name);
     const UsedPort* from = source();
     for (const UsedPort* port : outputs()) {
-      const json& range = (*port->role)["range"];
+      const Json& range = (*port->role)["range"];
       std::string value = glsl_vec4((*port->role)["neutral"]);
       if (from != nullptr) value = fmt::format("fetch_{}(pixel)", from->name);
       if (from != nullptr && range.is_array()) {
@@ -316,7 +314,7 @@ class Template {
     std::string text = fmt::format("// SPDX-License-Identifier: Apache-2.0\n// {}. A function's text.\n", first_line());
     const std::string include = text_of(role_, "include");
     if (!include.empty()) text += fmt::format("#include \"{}\"\n", include);
-    for (const json& function : role_["functions"]) {
+    for (const Json& function : role_["functions"]) {
       const std::string unit = text_of(function, "unit");
       text += fmt::format("\n// {}{}\n{} {{\n  {}\n}}\n", unit.empty() ? "" : "[" + unit + "] ",
                           text_of(function, "help"), text_of(function, "signature"), text_of(function, "neutral"));
@@ -337,13 +335,13 @@ class Template {
     }
     text += "\n## Parameters\n| name | unit | range | default | meaning | ladder |\n|---|---|---|---|---|---|\n";
     text += "\n## Known limits\n";
-    for (const json& hard_case : role_["hard_cases"]) {
+    for (const Json& hard_case : role_["hard_cases"]) {
       text += fmt::format("- {}: {}: not answered yet.\n", text_of(hard_case, "id"), text_of(hard_case, "text"));
     }
     return text + "\n## Measured\nNothing yet.\n";
   }
 
-  const json& role_;
+  const Json& role_;
   std::string name_, role_name_;
   TemplateLanguage language_;
   std::vector<UsedPort> ports_;        // of the descriptor
@@ -353,7 +351,7 @@ class Template {
 
 }  // namespace
 
-std::vector<TemplateFile> technique_template(const json& role, std::string_view name, TemplateLanguage language) {
+std::vector<TemplateFile> technique_template(const Json& role, std::string_view name, TemplateLanguage language) {
   return Template(role, name, language).files();
 }
 

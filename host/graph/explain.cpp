@@ -3,15 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <nlohmann/json.hpp>
 
 #include "graph/stages.hpp"
 #include "graph/uses.hpp"
+#include "json.hpp"
 
 namespace heddle::graph {
 namespace {
-
-using Json = nlohmann::ordered_json;
 
 template <typename Flag, std::size_t kCount>
 std::string flag_words(Flag flags, const std::array<std::pair<Flag, std::string_view>, kCount>& words) {
@@ -369,7 +367,7 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
   }
   json["memory"] = {{"heap_bytes", placement.heap_size}, {"unaliased_bytes", placement.unaliased_size}};
   // Names come from files of other people: bytes that are no UTF-8 are replaced, not thrown about.
-  return json.dump(2, ' ', false, Json::error_handler_t::replace);
+  return write_json(json, 2);
 }
 
 std::string explain_dot(const ResolvedGraph& graph, const Order& order) {

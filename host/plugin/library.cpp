@@ -90,8 +90,7 @@ struct Difference {
   std::string path, manifest, library;
 };
 
-std::optional<Difference> first_difference(const nlohmann::ordered_json& manifest,
-                                           const nlohmann::ordered_json& library, const std::string& path) {
+std::optional<Difference> first_difference(const Json& manifest, const Json& library, const std::string& path) {
   if (manifest == library) return std::nullopt;
   if (manifest.is_object() && library.is_object()) {
     for (const auto& [key, value] : manifest.items()) {
@@ -104,7 +103,7 @@ std::optional<Difference> first_difference(const nlohmann::ordered_json& manifes
     }
     return Difference{path, fmt::format("{} elements", manifest.size()), fmt::format("{} elements", library.size())};
   }
-  return Difference{path, manifest.dump(), library.dump()};
+  return Difference{path, write_json(manifest), write_json(library)};
 }
 
 void compare(const Manifest& manifest, const std::vector<Technique>& techniques) {

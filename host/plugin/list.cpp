@@ -7,8 +7,6 @@
 namespace heddle {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 constexpr std::array<std::string_view, 3> kJoins{"switch", "sum", "product"};
 
 Json range_to_json(const std::optional<std::array<double, 2>>& range) {
@@ -87,7 +85,7 @@ std::string list_json(const Registry& registry) {
     json["is_loadable"] = manifest.abi_major == HEDDLE_ABI_MAJOR && manifest.abi_minor == HEDDLE_ABI_MINOR;
     techniques.push_back(std::move(json));
   }
-  return Json{{"abi", {HEDDLE_ABI_MAJOR, HEDDLE_ABI_MINOR}}, {"roles", roles}, {"techniques", techniques}}.dump(1);
+  return write_json({{"abi", {HEDDLE_ABI_MAJOR, HEDDLE_ABI_MINOR}}, {"roles", roles}, {"techniques", techniques}}, 1);
 }
 
 }  // namespace heddle

@@ -15,8 +15,6 @@
 namespace heddle {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
 // Of the JSON; raised when a key is added, renamed or dropped.
 constexpr std::uint32_t kFormat = 1;
 
@@ -344,7 +342,7 @@ Technique read_technique(const Node& node) {
 
 Json parse_text(std::string_view text, const std::string& file) {
   try {
-    return Json::parse(text);
+    return parse_json(text);
   } catch (const Json::parse_error& error) {
     // `byte` counts from 1 and is the last byte read.
     const std::string_view read = text.substr(0, std::min(error.byte == 0 ? 0 : error.byte - 1, text.size()));
@@ -360,7 +358,7 @@ Json parse_text(std::string_view text, const std::string& file) {
 
 }  // namespace
 
-nlohmann::ordered_json number_to_json(double number) {
+Json number_to_json(double number) {
   if (number == std::numeric_limits<double>::infinity()) return "inf";
   if (number == -std::numeric_limits<double>::infinity()) return "-inf";
   return number;
@@ -373,7 +371,7 @@ std::string_view to_word(Direction direction) {
   return kDirections.at(static_cast<std::size_t>(direction));
 }
 
-nlohmann::ordered_json technique_to_json(const Technique& technique) {
+Json technique_to_json(const Technique& technique) {
   return {{"id", technique.id},
           {"title", technique.title},
           {"source", technique.source},
@@ -394,7 +392,7 @@ std::string to_json(const Manifest& manifest) {
                          {"abi", {manifest.abi_major, manifest.abi_minor}},
                          {"library", manifest.library.filename().string()},
                          {"techniques", list_to_json(manifest.techniques, technique_to_json)}};
-  return document.dump(1) + "\n";
+  return write_json(document, 1) + "\n";
 }
 
 Manifest manifest_from_json(std::string_view json, const std::filesystem::path& file) {

@@ -2,16 +2,15 @@
 // Technique -> JSON, the same in manifests and in what `heddle list` prints.
 #pragma once
 
-#include <nlohmann/json.hpp>
-
+#include "json.hpp"
 #include "plugin/technique.hpp"
 
 namespace heddle {
 
 /// Keys in the order of plugin.h. Enumerations are words, infinities the strings "inf" and "-inf".
-nlohmann::ordered_json technique_to_json(const Technique& technique);
+Json technique_to_json(const Technique& technique);
 /// A double as JSON: infinities as words.
-nlohmann::ordered_json number_to_json(double number);
+Json number_to_json(double number);
 std::string_view to_word(PortType type);
 std::string_view to_word(Direction direction);
 

@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The bytes of a glTF file -> a checked model, and accessors -> numbers. tinygltf parses; what it does not check about
 // containers, ranges and nesting is checked here.
-#define TINYGLTF_IMPLEMENTATION
-#define TINYGLTF_NO_STB_IMAGE
-#define TINYGLTF_NO_STB_IMAGE_WRITE
-#define TINYGLTF_USE_CPP14
+
 #include "scene/gltf_document.hpp"
 
 #include <fmt/format.h>

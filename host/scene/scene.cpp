@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Questions to a scene: bounds, the camera that renders, features, a description.
 #include "scene/scene.hpp"
+#include "json.hpp"
 
 #include <algorithm>
 #include <atomic>
 #include <cmath>
 #include <limits>
-#include <nlohmann/json.hpp>
 #include <numbers>
 #include <set>
 
@@ -55,13 +55,13 @@ heddle_camera framing_camera(const std::array<glm::dvec3, 2>& bounds, double asp
   return camera;
 }
 
-nlohmann::json json_of(const glm::dvec3& vector) {
+Json json_of(const glm::dvec3& vector) {
   return {vector.x, vector.y, vector.z};
 }
 
 template <typename Elements>
-nlohmann::json names_of(const Elements& elements) {
-  nlohmann::json names = nlohmann::json::array();
+Json names_of(const Elements& elements) {
+  Json names = Json::array();
   for (const auto& element : elements) {
     names.push_back(element.name);
   }
@@ -173,14 +173,14 @@ std::string Scene::describe_json() const {
     texture_bytes += texture.rgba.size();
   }
   const std::array<glm::dvec3, 2> box = bounds();
-  nlohmann::json json;
+  Json json;
   json["counts"] = {{"textures", textures.size()}, {"materials", materials.size()},
                     {"meshes", meshes.size()},     {"instances", instances.size()},
                     {"lights", lights.size()},     {"cameras", cameras.size()},
                     {"triangles", triangles},      {"stored_triangles", stored_triangles},
                     {"vertices", vertices},        {"texture_bytes", texture_bytes}};
   json["bounds"] = {json_of(box[0]), json_of(box[1])};
-  json["camera"] = camera < cameras.size() ? nlohmann::json(camera) : nlohmann::json(nullptr);
+  json["camera"] = camera < cameras.size() ? Json(camera) : Json(nullptr);
   json["cameras"] = names_of(cameras);
   json["lights"] = names_of(lights);
   json["materials"] = names_of(materials);
@@ -188,7 +188,7 @@ std::string Scene::describe_json() const {
   json["warnings"] = warnings;
   json["ignored_extensions"] = ignored_extensions;
   // Names come from files: what is no UTF-8 in them is replaced, not an error.
-  return json.dump(2, ' ', false, nlohmann::json::error_handler_t::replace);
+  return write_json(json, 2);
 }
 
 }  // namespace heddle::scene

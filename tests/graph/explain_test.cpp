@@ -2,9 +2,8 @@
 // What explain says: for people, for programs, for Graphviz.
 #include <gmock/gmock.h>
 
-#include <nlohmann/json.hpp>
-
 #include "graph/plugin_folder.hpp"
+#include "json.hpp"
 
 namespace heddle::graph {
 namespace {
@@ -58,7 +57,7 @@ TEST(Explain, ShowsTheStall) {
 }
 
 TEST(Explain, GivesTheSameFactsAsJson) {
-  const auto json = nlohmann::json::parse(explain({"ao.params.falloff=linear"}).json);
+  const auto json = parse_json(explain({"ao.params.falloff=linear"}).json);
   EXPECT_EQ(json["output"], "display.color");
   EXPECT_EQ(json["passes"].size(), 4U);
   EXPECT_EQ(json["passes"][1]["parameters"]["falloff"], "linear");

@@ -49,7 +49,7 @@ class Host {
 
  private:
   Host() {
-    const std::string path = std::string(HEDDLE_BUILD_DIR) + "/lib/heddle/plugins:" + HEDDLE_BUILD_DIR "/tests/plugins";
+    const std::string path = HEDDLE_BUILD_DIR "/lib/heddle/plugins:" HEDDLE_BUILD_DIR "/tests/plugins";
     heddle_host_options options{};
     options.struct_size = sizeof options;
     options.plugin_path = path.c_str();

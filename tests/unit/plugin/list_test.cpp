@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The list that the command, Python and editors read.
 #include "plugin/list.hpp"
+#include "json.hpp"
 
 #include <gtest/gtest.h>
 
 #include <fstream>
-#include <nlohmann/json.hpp>
 
 namespace heddle {
 namespace {
@@ -14,8 +14,8 @@ namespace fs = std::filesystem;
 
 TEST(List, SaysEverythingOfTheRepositorysRoles) {
   const Registry registry({fs::path(HEDDLE_SOURCE_DIR) / "plugins"});
-  const auto list = nlohmann::json::parse(list_json(registry));
-  EXPECT_EQ(list["abi"], nlohmann::json({HEDDLE_ABI_MAJOR, HEDDLE_ABI_MINOR}));
+  const auto list = parse_json(list_json(registry));
+  EXPECT_EQ(list["abi"], Json({HEDDLE_ABI_MAJOR, HEDDLE_ABI_MINOR}));
   ASSERT_EQ(list["roles"].size(), registry.roles().size());
   for (const auto& json : list["roles"]) {
     const Role& role = *registry.find_role(json["name"].get<std::string>());
@@ -28,8 +28,8 @@ TEST(List, SaysEverythingOfTheRepositorysRoles) {
   ASSERT_EQ(ao["name"], "ambient_occlusion");
   EXPECT_EQ(ao["references"]["same_model"]["technique"], "ambient_occlusion/ray_traced");
   EXPECT_TRUE(ao["references"]["physical"].is_null());
-  EXPECT_EQ(ao["ports"][0]["neutral"], nlohmann::json::parse(R"(["inf", 0.0, 0.0, 1.0])"));
-  EXPECT_EQ(ao["ports"][4]["range"], nlohmann::json::parse("[0.0, 1.0]"));
+  EXPECT_EQ(ao["ports"][0]["neutral"], parse_json(R"(["inf", 0.0, 0.0, 1.0])"));
+  EXPECT_EQ(ao["ports"][4]["range"], parse_json("[0.0, 1.0]"));
   EXPECT_EQ(ao["measure"]["metric"], "rmse");
   const auto gbuffer = list["roles"][2];
   ASSERT_EQ(gbuffer["name"], "gbuffer");
@@ -60,7 +60,7 @@ TEST(List, SaysEverythingOfATechnique) {
   technique.stages = {{"main", StageKind::kGpu, {{"color", HEDDLE_ACCESS_STORAGE_WRITE, 0, {}}}}};
   const Manifest manifest{"test.so", {}, HEDDLE_ABI_MAJOR, HEDDLE_ABI_MINOR, {technique}};
   std::ofstream(folder / "test.manifest.json") << to_json(manifest);
-  const auto list = nlohmann::json::parse(list_json(Registry({root})));
+  const auto list = parse_json(list_json(Registry({root})));
   ASSERT_EQ(list["techniques"].size(), 1U);
   const auto& json = list["techniques"][0];
   EXPECT_EQ(json["id"], "display/test");
@@ -70,7 +70,7 @@ TEST(List, SaysEverythingOfATechnique) {
   EXPECT_EQ(json["library"], (folder / "test.so").string());
   EXPECT_EQ(json["parameters"][0]["maximum"], "inf");
   EXPECT_EQ(json["parameters"][0]["default"][0], 0.1);
-  EXPECT_EQ(json["parameters"][0]["ladder"], nlohmann::json::parse("[1.0, 2.0]"));
+  EXPECT_EQ(json["parameters"][0]["ladder"], parse_json("[1.0, 2.0]"));
   EXPECT_EQ(json["stages"][0]["accesses"][0]["access"], "storage_write");
   EXPECT_EQ(list["roles"][0]["techniques"][0], "test");
   fs::remove_all(root);

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <iostream>
 
+#include "json.hpp"
 #include "scene/upload.hpp"
 #include "unit/scene/gltf_file.hpp"
 
@@ -62,11 +63,12 @@ TEST_F(Assets, EveryFileLoadsAndIsSound) {
     for (const Texture& texture : scene.textures) {
       EXPECT_EQ(texture.rgba.size(), std::size_t{4} * texture.width * texture.height);
     }
-    const nlohmann::json json = nlohmann::json::parse(scene.describe_json());
+    const Json json = parse_json(scene.describe_json());
     Snapshot snapshot;
     EXPECT_EQ(snapshot.update(scene).triangle_count, json["counts"]["triangles"]);
-    std::cout << file.filename().string() << ": " << took.count() << " s, " << json["counts"].dump() << ", bounds "
-              << json["bounds"].dump() << ", " << json["warnings"].dump() << json["ignored_extensions"].dump() << '\n';
+    std::cout << file.filename().string() << ": " << took.count() << " s, " << write_json(json["counts"]) << ", bounds "
+              << write_json(json["bounds"]) << ", " << write_json(json["warnings"])
+              << write_json(json["ignored_extensions"]) << '\n';
   }
 }
 

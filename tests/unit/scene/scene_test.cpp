@@ -6,8 +6,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
+#include "json.hpp"
 #include "scene/geometry.hpp"
 
 namespace heddle::scene {
@@ -131,7 +131,7 @@ TEST(Describe, CountsInstancedTrianglesAndSurvivesBadNames) {
   scene.materials[0].name = "bad \xff name";
   scene.warnings.emplace_back("a warning");
   scene.ignored_extensions.emplace_back("KHR_x");
-  const nlohmann::json json = nlohmann::json::parse(scene.describe_json());
+  const Json json = parse_json(scene.describe_json());
   EXPECT_EQ(json["counts"]["triangles"], 8);
   EXPECT_EQ(json["counts"]["stored_triangles"], 4);
   EXPECT_EQ(json["counts"]["instances"], 2);
