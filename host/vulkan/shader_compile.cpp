@@ -18,7 +18,7 @@ namespace {
 namespace fs = std::filesystem;
 
 // To be raised whenever the same texts would give other words or other reflection.
-constexpr std::string_view kGeneratorVersion = "heddle shader generator 2";
+constexpr std::string_view kGeneratorVersion = "heddle shader generator 3";
 constexpr std::size_t kErrorsShown = 20;
 
 std::atomic<std::uint64_t> compilations = 0;

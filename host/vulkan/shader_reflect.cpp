@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // SPIR-V of a joined shader -> what the host must know of it: the bindings that its code really uses, sizes, and how
-// many loops a driver has to compile, told apart by provider.
+// many loops a driver has to compile, told apart by provider. Runs once a shader: the cache holds checked ones only.
 #include "vulkan/shader_source.hpp"
 
 #include <algorithm>
@@ -187,6 +187,7 @@ class StageCount {
 }  // namespace
 
 void reflect(const JoinedText& join, CompiledShader& shader) {
+  check_accesses(join, shader.spirv);
   const spirv_cross::Compiler compiler(shader.spirv);
   const auto active = compiler.get_active_interface_variables();
   const spirv_cross::ShaderResources resources = compiler.get_shader_resources(active);
@@ -201,11 +202,7 @@ void reflect(const JoinedText& join, CompiledShader& shader) {
       const auto declared = std::find_if(join.bindings.begin(), join.bindings.end(), [&](const Binding& binding) {
         return binding.set == set && binding.binding == slot;
       });
-      if (declared == join.bindings.end()) {
-        fail(join, fmt::format("{} uses '{}', which the host did not bind", describe(*join.request), resource.name),
-             fmt::format("set {}, binding {}", set, slot), "", "declare a port: the host binds what descriptors list");
-      }
-      shader.bindings.push_back(*declared);
+      if (declared != join.bindings.end()) shader.bindings.push_back(*declared);
     }
   }
   std::sort(shader.bindings.begin(), shader.bindings.end(), [](const Binding& a, const Binding& b) {

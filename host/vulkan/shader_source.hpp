@@ -129,6 +129,12 @@ std::string write_cache(const std::filesystem::path& folder, const std::string& 
 /// Error(HEDDLE_BAD_INPUT) for a binding that the host did not assign and for what exceeds a stage's limits.
 void reflect(const JoinedText& join, CompiledShader& shader);
 
+// ---- shader_access_check.cpp ----
+
+/// Refuses code that touches what its descriptor does not declare, and bindings that the host did not write: throws
+/// Error(HEDDLE_BAD_INPUT) with every such binding. What is declared and never touched is no mistake.
+void check_accesses(const JoinedText& join, std::span<const std::uint32_t> words);
+
 // ---- shader_compile.cpp ----
 
 /// Text of the host itself (no author to blame): words of SPIR-V, through the cache.
