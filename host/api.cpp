@@ -78,7 +78,7 @@ struct heddle_host {
 
   heddle::vulkan::Device& open_device() {
     if (!device)
-      device = std::make_unique<heddle::vulkan::Device>(heddle::vulkan::DeviceOptions{device_name, validation, log});
+      device = std::make_unique<heddle::vulkan::Device>(heddle::vulkan::DeviceOptions{device_name, validation, false, log});
     return *device;
   }
 };

@@ -70,6 +70,12 @@ Device::State::State(const DeviceOptions& options) : sink(options.log), instance
   handle.device = device;
 
   table.emplace(device, physical_device, instance.GetDeviceProcAddr);
+  if (options.check) {
+    const auto needs = reinterpret_cast<PFN_vkGetImageMemoryRequirements>(
+        instance.GetDeviceProcAddr(device, "vkGetImageMemoryRequirements"));
+    proof = std::make_unique<Proof>(device, needs);
+    table->set_recorder(&proof->recorder);
+  }
   if (features.v12.bufferDeviceAddress == VK_FALSE) table->remove(&heddle_vulkan::GetBufferDeviceAddress);
   if (features.v12.drawIndirectCount == VK_FALSE) {
     table->remove(&heddle_vulkan::CmdDrawIndirectCount);
@@ -88,6 +94,17 @@ Device::State::State(const DeviceOptions& options) : sink(options.log), instance
 Device::State::~State() {
   table->table().DeviceWaitIdle(handle.device);
   destroy_objects();
+}
+
+std::vector<Diagnostic> Device::State::Proof::take_findings() {
+  constexpr std::size_t kEventsKept = 65536;  // for whoever looks at the stream: many frames; some 20 MB
+  model.play(recorder.stream(), played);
+  played = recorder.stream().events.size();
+  if (played > kEventsKept) {
+    recorder.forget_events();
+    played = 0;
+  }
+  return model.take_findings();
 }
 
 void Device::State::make_objects() {
@@ -143,6 +160,19 @@ Counters Device::counters() const {
 }
 std::vector<std::string> Device::take_validation_errors() {
   return state_->sink.take_errors();
+}
+hazard::Recorder* Device::recorder() const {
+  return state_->proof ? &state_->proof->recorder : nullptr;
+}
+void Device::note_host_read(const Buffer& buffer, std::uint64_t offset, std::uint64_t size) {
+  if (state_->proof) state_->proof->recorder.host_access(buffer.handle(), false, offset, size);
+}
+void Device::note_host_write(const Buffer& buffer, std::uint64_t offset, std::uint64_t size) {
+  if (state_->proof) state_->proof->recorder.host_access(buffer.handle(), true, offset, size);
+}
+std::vector<Diagnostic> Device::take_hazards() {
+  if (!state_->proof) return {};
+  return state_->proof->take_findings();
 }
 void Device::count_upload(std::uint64_t bytes) {
   state_->table->count_upload(bytes);

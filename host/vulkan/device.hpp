@@ -16,6 +16,10 @@
 
 namespace heddle::vulkan {
 
+namespace hazard {
+class Recorder;
+}
+
 /// What the host counts; differences between two readings prove what a frame did.
 struct Counters {
   std::uint64_t commands = 0;  // every vkCmd*
@@ -130,6 +134,8 @@ struct DeviceOptions {
   // usable.
   std::string device;
   bool validation = false;  // the layer, with synchronization validation; missing layer: Error(HEDDLE_FAILED)
+  // Record what the driver is given, and prove that nothing races (take_hazards).
+  bool check = false;
   std::function<void(Severity, std::string_view)> log;
 };
 
@@ -151,6 +157,13 @@ class Device {
   [[nodiscard]] Counters counters() const;
   /// Errors the validation layer reported since the last call, and forgets them. Empty without validation.
   std::vector<std::string> take_validation_errors();
+  /// Follows every call in check mode; else nullptr.
+  [[nodiscard]] hazard::Recorder* recorder() const;
+  /// The host is about to read or to have written mapped memory of a buffer: check mode proves that the device is done.
+  void note_host_read(const Buffer& buffer, std::uint64_t offset = 0, std::uint64_t size = VK_WHOLE_SIZE);
+  void note_host_write(const Buffer& buffer, std::uint64_t offset = 0, std::uint64_t size = VK_WHOLE_SIZE);
+  /// Hazards between commands that were submitted since the last call. Empty without check mode.
+  std::vector<Diagnostic> take_hazards();
   /// Whether optimally tiled images of the format have all the features.
   [[nodiscard]] bool has_format(VkFormat format, VkFormatFeatureFlags features) const;
 

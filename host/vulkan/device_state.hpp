@@ -3,6 +3,8 @@
 #pragma once
 
 #include "vulkan/device.hpp"
+#include "vulkan/hazard_model.hpp"
+#include "vulkan/hazard_recorder.hpp"
 #include "vulkan/loader.hpp"
 #include "vulkan/memory.hpp"
 #include "vulkan/select.hpp"
@@ -39,6 +41,14 @@ struct Device::State {
     }
   } handle;
   VkQueue queue = VK_NULL_HANDLE;
+  struct Proof {
+    Proof(VkDevice device, PFN_vkGetImageMemoryRequirements needs) : recorder(device, needs) {}
+    std::vector<Diagnostic> take_findings();
+    hazard::Recorder recorder;
+    hazard::Model model;
+    std::size_t played = 0;  // events
+  };
+  std::unique_ptr<Proof> proof;  // check mode alone; outlives the table, which tells it of calls
   std::optional<CountedTable> table;
   std::optional<MemoryPools> memory;
 

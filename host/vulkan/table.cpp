@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// One wrapper for each function of the table, made from a template: finds the device, counts, calls the driver.
+// One wrapper for each function of the table, made from a template: finds the device, counts, calls the driver, and in
+// check mode tells the recorder.
 #include "vulkan/table.hpp"
+
+#include "vulkan/hazard_recorder.hpp"
 
 #include <array>
 #include <cstdlib>
@@ -17,6 +20,7 @@ struct Calls {
   Count commands{0}, draws{0}, dispatches{0}, barriers{0}, renderings{0}, submits{0};
   Count pipelines{0}, live_pipelines{0}, live_images{0}, live_buffers{0};
   Count device_memory_bytes{0}, uploaded_bytes{0}, read_back_bytes{0};
+  hazard::Recorder* recorder = nullptr;  // check mode alone
 
   std::mutex memory_mutex;
   std::unordered_map<VkDeviceMemory, VkDeviceSize> memory_sizes;  // vkFreeMemory does not tell the size
@@ -143,29 +147,60 @@ void count_after(Calls& calls, VkResult result, const std::tuple<Args...>& args)
   if constexpr (kIsOneOf<Function, &Table::QueueSubmit2>) add(calls.submits);
 }
 
-template <auto Function, bool kIsCommand, typename Pfn>
+// ---- recording ----
+
+// For each function: tells the recorder, if it has a function of that name.
+#define HEDDLE_OBSERVE(name)                                                             \
+  struct Observe##name {                                                                 \
+    template <typename Listener, typename Handle, typename... Args>                      \
+    static void call(Listener& recorder, [[maybe_unused]] Handle handle, Args... args) { \
+      if constexpr (requires { recorder.name(handle, args...); }) {                      \
+        recorder.name(handle, args...);                                                  \
+      } else if constexpr (requires { recorder.name(args...); }) {                       \
+        recorder.name(args...);                                                          \
+      } else {                                                                           \
+        static_assert(                                                                   \
+            !requires { &Listener::name; }, "takes other arguments");                    \
+      }                                                                                  \
+    }                                                                                    \
+  };
+HEDDLE_VULKAN_FUNCTIONS(HEDDLE_OBSERVE)
+#undef HEDDLE_OBSERVE
+
+/// When a function counts and when it is recorded depends on its name.
+struct Traits {
+  bool is_command = false;
+  bool ends_something = false;  // recorded before: the handle may be given out again
+};
+constexpr Traits traits_of(std::string_view name) {
+  return {name.starts_with("Cmd"), name.starts_with("Destroy")};
+}
+
+template <auto Function, typename Observe, Traits kTraits, typename Pfn>
 struct Counted;
 
-template <auto Function, bool kIsCommand, typename Result, typename Handle, typename... Args>
-struct Counted<Function, kIsCommand, Result(VKAPI_PTR*)(Handle, Args...)> {
+template <auto Function, typename Observe, Traits kTraits, typename Result, typename Handle, typename... Args>
+struct Counted<Function, Observe, kTraits, Result(VKAPI_PTR*)(Handle, Args...)> {
   static VKAPI_ATTR Result VKAPI_CALL call(Handle handle, Args... args) {
     Calls& calls = calls_of(handle);
-    if constexpr (kIsCommand) count_command<Function>(calls);
+    if constexpr (kTraits.is_command) count_command<Function>(calls);
     const std::tuple<Args...> all(args...);
     count_before<Function>(calls, all);
+    if (kTraits.ends_something && calls.recorder != nullptr) Observe::call(*calls.recorder, handle, args...);
     if constexpr (std::is_same_v<Result, VkResult>) {
       const VkResult result = (calls.next.*Function)(handle, args...);
       count_after<Function>(calls, result, all);
+      if (!kTraits.ends_something && calls.recorder != nullptr && result == VK_SUCCESS)
+        Observe::call(*calls.recorder, handle, args...);
       return result;
+    } else if constexpr (std::is_void_v<Result>) {
+      (calls.next.*Function)(handle, args...);
+      if (!kTraits.ends_something && calls.recorder != nullptr) Observe::call(*calls.recorder, handle, args...);
     } else {
       return (calls.next.*Function)(handle, args...);
     }
   }
 };
-
-constexpr bool is_command(std::string_view name) {
-  return name.starts_with("Cmd");
-}
 
 }  // namespace
 
@@ -174,10 +209,10 @@ CountedTable::CountedTable(VkDevice device, VkPhysicalDevice physical_device, PF
   table_.struct_size = calls_->next.struct_size = sizeof(heddle_vulkan);
   table_.device = calls_->next.device = device;
   table_.physical_device = calls_->next.physical_device = physical_device;
-#define HEDDLE_WRAP(name)                                                                \
-  calls_->next.name = reinterpret_cast<PFN_vk##name>(get_proc_addr(device, "vk" #name)); \
-  if (calls_->next.name != nullptr) {                                                    \
-    table_.name = Counted<&heddle_vulkan::name, is_command(#name), PFN_vk##name>::call;  \
+#define HEDDLE_WRAP(name)                                                                             \
+  calls_->next.name = reinterpret_cast<PFN_vk##name>(get_proc_addr(device, "vk" #name));              \
+  if (calls_->next.name != nullptr) {                                                                 \
+    table_.name = Counted<&heddle_vulkan::name, Observe##name, traits_of(#name), PFN_vk##name>::call; \
   }
   HEDDLE_VULKAN_FUNCTIONS(HEDDLE_WRAP)
 #undef HEDDLE_WRAP
@@ -204,6 +239,9 @@ Counters CountedTable::counters() const {
           .read_back_bytes = calls_->read_back_bytes};
 }
 
+void CountedTable::set_recorder(hazard::Recorder* recorder) {
+  calls_->recorder = recorder;
+}
 void CountedTable::count_upload(std::uint64_t bytes) {
   add(calls_->uploaded_bytes, bytes);
 }

@@ -7,6 +7,9 @@
 namespace heddle::vulkan {
 
 struct Calls;  // the driver's functions and what was counted
+namespace hazard {
+class Recorder;
+}
 
 /// Owns the counted table of one device; the device outlives it.
 ///
@@ -30,6 +33,8 @@ class CountedTable {
   [[nodiscard]] Counters counters() const;
   void count_upload(std::uint64_t bytes);
   void count_read_back(std::uint64_t bytes);
+  /// From now on the recorder is told of every call. It outlives the table.
+  void set_recorder(hazard::Recorder* recorder);
 
  private:
   heddle_vulkan table_{};

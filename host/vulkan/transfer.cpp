@@ -106,11 +106,13 @@ void Device::upload(const Buffer& target, std::uint64_t offset, std::span<const 
   if (bytes.empty()) return;
   if (target.data() != nullptr) {
     std::memcpy(target.data() + offset, bytes.data(), bytes.size());
+    note_host_write(target, offset, bytes.size());
     count_upload(bytes.size());
     return;
   }
   const Buffer staging = make_buffer(bytes.size(), VK_BUFFER_USAGE_TRANSFER_SRC_BIT, true);
   std::memcpy(staging.data(), bytes.data(), bytes.size());
+  note_host_write(staging);
   run([&](VkCommandBuffer commands) {
     const heddle_vulkan& vk = table();
     memory_barrier(vk, commands, kAnything, kCopyWrite);
@@ -133,6 +135,7 @@ void Device::upload(const Image& target, std::uint32_t layer, std::uint32_t mip,
   }
   const Buffer staging = make_buffer(bytes.size(), VK_BUFFER_USAGE_TRANSFER_SRC_BIT, true);
   std::memcpy(staging.data(), bytes.data(), bytes.size());
+  note_host_write(staging);
   run([&](VkCommandBuffer commands) {
     const heddle_vulkan& vk = table();
     texels.barrier(vk, commands, kAnything, VK_IMAGE_LAYOUT_UNDEFINED, kCopyWrite,
@@ -166,6 +169,7 @@ std::vector<std::byte> Device::read_back(const Image& source, std::uint32_t laye
     memory_barrier(vk, commands, kCopyWrite, kHostRead);
   });
   count_read_back(texels.bytes);
+  note_host_read(staging);
   return {staging.data(), staging.data() + texels.bytes};
 }
 
@@ -181,6 +185,7 @@ std::vector<std::byte> Device::read_back(const Buffer& source, std::uint64_t off
     memory_barrier(vk, commands, kCopyWrite, kHostRead);
   });
   count_read_back(size);
+  note_host_read(staging);
   return {staging.data(), staging.data() + size};
 }
 
