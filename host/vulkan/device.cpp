@@ -75,6 +75,7 @@ Device::State::State(const DeviceOptions& options) : sink(options.log), instance
         instance.GetDeviceProcAddr(device, "vkGetImageMemoryRequirements"));
     proof = std::make_unique<Proof>(device, needs);
     table->set_recorder(&proof->recorder);
+    if (options.validation) table->use_classic_passes(instance.GetDeviceProcAddr);
   }
   if (features.v12.bufferDeviceAddress == VK_FALSE) table->remove(&heddle_vulkan::GetBufferDeviceAddress);
   if (features.v12.drawIndirectCount == VK_FALSE) {

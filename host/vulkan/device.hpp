@@ -134,7 +134,8 @@ struct DeviceOptions {
   // usable.
   std::string device;
   bool validation = false;  // the layer, with synchronization validation; missing layer: Error(HEDDLE_FAILED)
-  // Record what the driver is given, and prove that nothing races (take_hazards).
+  // Record what the driver is given, and prove that nothing races (take_hazards). Under validation also give the layer
+  // render passes in place of dynamic rendering, whose attachments it does not follow.
   bool check = false;
   std::function<void(Severity, std::string_view)> log;
 };

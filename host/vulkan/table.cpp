@@ -3,6 +3,7 @@
 // check mode tells the recorder.
 #include "vulkan/table.hpp"
 
+#include "vulkan/classic_passes.hpp"
 #include "vulkan/hazard_recorder.hpp"
 
 #include <array>
@@ -20,7 +21,8 @@ struct Calls {
   Count commands{0}, draws{0}, dispatches{0}, barriers{0}, renderings{0}, submits{0};
   Count pipelines{0}, live_pipelines{0}, live_images{0}, live_buffers{0};
   Count device_memory_bytes{0}, uploaded_bytes{0}, read_back_bytes{0};
-  hazard::Recorder* recorder = nullptr;  // check mode alone
+  hazard::Recorder* recorder = nullptr;    // check mode alone
+  std::unique_ptr<ClassicPasses> classic;  // check mode under validation alone
 
   std::mutex memory_mutex;
   std::unordered_map<VkDeviceMemory, VkDeviceSize> memory_sizes;  // vkFreeMemory does not tell the size
@@ -239,6 +241,26 @@ Counters CountedTable::counters() const {
           .read_back_bytes = calls_->read_back_bytes};
 }
 
+void CountedTable::use_classic_passes(PFN_vkGetDeviceProcAddr get_proc_addr) {
+  heddle_vulkan& next = calls_->next;
+  calls_->classic = std::make_unique<ClassicPasses>(next, get_proc_addr);
+  next.CreateImageView = [](VkDevice device, const VkImageViewCreateInfo* info, const VkAllocationCallbacks* allocator,
+                            VkImageView* view) {
+    return calls_of(device).classic->CreateImageView(info, allocator, view);
+  };
+  next.DestroyImageView = [](VkDevice device, VkImageView view, const VkAllocationCallbacks* allocator) {
+    calls_of(device).classic->DestroyImageView(view, allocator);
+  };
+  next.CreateGraphicsPipelines = [](VkDevice device, VkPipelineCache cache, std::uint32_t count,
+                                    const VkGraphicsPipelineCreateInfo* infos, const VkAllocationCallbacks* allocator,
+                                    VkPipeline* pipelines) {
+    return calls_of(device).classic->CreateGraphicsPipelines(cache, count, infos, allocator, pipelines);
+  };
+  next.CmdBeginRendering = [](VkCommandBuffer commands, const VkRenderingInfo* info) {
+    calls_of(commands).classic->CmdBeginRendering(commands, info);
+  };
+  next.CmdEndRendering = [](VkCommandBuffer commands) { calls_of(commands).classic->CmdEndRendering(commands); };
+}
 void CountedTable::set_recorder(hazard::Recorder* recorder) {
   calls_->recorder = recorder;
 }

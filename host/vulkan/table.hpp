@@ -35,6 +35,9 @@ class CountedTable {
   void count_read_back(std::uint64_t bytes);
   /// From now on the recorder is told of every call. It outlives the table.
   void set_recorder(hazard::Recorder* recorder);
+  /// From now on dynamic rendering reaches the driver as render passes (ClassicPasses). Before the first object is
+  /// made.
+  void use_classic_passes(PFN_vkGetDeviceProcAddr get_proc_addr);
 
  private:
   heddle_vulkan table_{};

@@ -144,5 +144,43 @@ TEST(Unchecked, DeviceWithoutCheckModeRecordsNothing) {
   EXPECT_THAT(device->take_hazards(), IsEmpty());
 }
 
+// ---- render passes in place of dynamic rendering, for the layer ----
+
+class CheckedUnderValidation : public Checked {
+ protected:
+  CheckedUnderValidation() : Checked(OnLayers::has_validation()) {
+    if (!OnLayers::has_validation()) skip_ = true;
+  }
+  struct OnLayers : OnDevice {
+    using OnDevice::has_validation;
+    void TestBody() override {}
+  };
+  bool skip_ = false;
+};
+
+TEST_F(CheckedUnderValidation, LayerIsSilentWhereBarriersAreThere) {
+  if (skip_) GTEST_SKIP() << "the validation layer is not installed";
+  device_->run([&](VkCommandBuffer commands) {
+    to_target(commands);
+    render(commands, VK_ATTACHMENT_LOAD_OP_CLEAR);
+    to_source(commands, VK_PIPELINE_STAGE_2_COLOR_ATTACHMENT_OUTPUT_BIT, VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT);
+  });
+  EXPECT_EQ(device_->read_back(color_, 0, 0, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL)[1], std::byte{128});
+  EXPECT_THAT(device_->take_validation_errors(), IsEmpty());
+  EXPECT_THAT(hazards(), IsEmpty());
+}
+
+TEST_F(CheckedUnderValidation, LayerSeesAMissingBarrierBetweenAttachments) {
+  if (skip_) GTEST_SKIP() << "the validation layer is not installed";
+  device_->run([&](VkCommandBuffer commands) {
+    to_target(commands);
+    render(commands, VK_ATTACHMENT_LOAD_OP_CLEAR);
+    render(commands, VK_ATTACHMENT_LOAD_OP_CLEAR);
+  });
+  EXPECT_THAT(device_->take_validation_errors(), ElementsAre(HasSubstr("SYNC-HAZARD-WRITE")))
+      << "with dynamic rendering it says nothing";
+  EXPECT_THAT(hazards(), ElementsAre(HasSubstr("'color' is written while vkCmdBeginRendering may still write")));
+}
+
 }  // namespace
 }  // namespace heddle::vulkan
