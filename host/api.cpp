@@ -69,6 +69,7 @@ struct heddle_host {
   std::function<void(Severity, std::string_view)> log;
   std::string device_name;
   bool validation = false;
+  bool check = false;
   std::unique_ptr<heddle::Registry> registry;
   std::unique_ptr<heddle::vulkan::Device> device;
   std::unique_ptr<heddle::graph::HostServices> services;
@@ -78,7 +79,8 @@ struct heddle_host {
 
   heddle::vulkan::Device& open_device() {
     if (!device)
-      device = std::make_unique<heddle::vulkan::Device>(heddle::vulkan::DeviceOptions{device_name, validation, false, log});
+      device =
+          std::make_unique<heddle::vulkan::Device>(heddle::vulkan::DeviceOptions{device_name, validation, check, log});
     return *device;
   }
 };
@@ -94,7 +96,7 @@ struct heddle_graph {
   heddle::graph::WrittenGraph written;
   std::vector<std::string> kept;
   std::unique_ptr<heddle::graph::Executor> executor;
-  std::string explanation, stats;
+  std::string explanation, stats, check_report;
   heddle::graph::Executor::ReadBack read_back;
 };
 
@@ -341,6 +343,7 @@ heddle_status heddle_create(const heddle_host_options* options, heddle_host** ou
     }
     host->device_name = text_or_empty(chosen.device);
     host->validation = (chosen.flags & HEDDLE_HOST_VALIDATION) != 0;
+    host->check = (chosen.flags & HEDDLE_HOST_CHECK) != 0;
     std::vector<std::filesystem::path> folders;
     if (chosen.plugin_path != nullptr) {
       folders = split_path(chosen.plugin_path);
@@ -653,21 +656,49 @@ heddle_status heddle_graph_set(heddle_graph* graph, const char* setting) {
   });
 }
 
+namespace {
+
+heddle::graph::FrameOptions frame_options(const heddle_render_options* options) {
+  const heddle_render_options chosen = options != nullptr ? take(options, "options") : heddle_render_options{};
+  if (!std::isfinite(chosen.time) || !std::isfinite(chosen.time_step)) {
+    throw Error(HEDDLE_BAD_INPUT,
+                fmt::format("time is {}, time_step {}: expected finite seconds", chosen.time, chosen.time_step));
+  }
+  heddle::graph::FrameOptions frame;
+  frame.profile = (chosen.flags & HEDDLE_RENDER_PROFILE) != 0;
+  frame.cut = chosen.cut != 0;
+  frame.time = chosen.time;
+  frame.time_step = chosen.time_step;
+  frame.seed = chosen.seed;
+  return frame;
+}
+
+}  // namespace
+
 heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene, const heddle_render_options* options) {
   return guarded(graph->host->error, [&] {
-    const heddle_render_options chosen = options != nullptr ? take(options, "options") : heddle_render_options{};
-    if (!std::isfinite(chosen.time) || !std::isfinite(chosen.time_step)) {
-      throw Error(HEDDLE_BAD_INPUT,
-                  fmt::format("time is {}, time_step {}: expected finite seconds", chosen.time, chosen.time_step));
-    }
-    heddle::graph::FrameOptions frame;
-    frame.profile = (chosen.flags & HEDDLE_RENDER_PROFILE) != 0;
-    frame.cut = chosen.cut != 0;
-    frame.time = chosen.time;
-    frame.time_step = chosen.time_step;
-    frame.seed = chosen.seed;
-    graph->executor->render(scene->scene, frame);
+    graph->executor->render(scene->scene, frame_options(options));
     scene->scene.settle();
+  });
+}
+
+heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene, const heddle_render_options* options,
+                                 uint32_t frames, const char** out_json) {
+  return guarded(graph->host->error, [&] {
+    if (frames == 0) throw Error(HEDDLE_BAD_INPUT, "a check of 0 frames was asked for", "render three");
+    if (!graph->host->check)
+      throw Error(HEDDLE_BAD_INPUT, "a graph is checked on a host that was made without HEDDLE_HOST_CHECK");
+    const heddle::graph::CheckReport report = graph->executor->check(scene->scene, frame_options(options), frames);
+    Json json{{"frames", report.frames},
+              {"runs", report.runs},
+              {"orders", report.orders},
+              {"unordered_pairs", report.unordered_pairs},
+              {"seen_both_ways", report.seen_both_ways}};
+    json["poisons"] = Json::array();
+    for (const std::uint32_t poison : report.poisons) json["poisons"].push_back(fmt::format("0x{:08X}", poison));
+    json["compared"] = report.compared;
+    graph->check_report = json.dump(2);
+    *out_json = graph->check_report.c_str();
   });
 }
 

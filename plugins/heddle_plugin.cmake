@@ -49,4 +49,5 @@ function(heddle_plugin)
                      COMMAND heddle_check_shaders ${contracts} ${output}/${technique}.manifest.json
                      COMMAND ${CMAKE_COMMAND} -E touch ${output}/${technique}.checked)
   add_custom_target(${target}_plugin ALL DEPENDS ${output}/${technique}.checked)
+  set_property(GLOBAL APPEND PROPERTY HEDDLE_PLUGINS ${target}_plugin)
 endfunction()

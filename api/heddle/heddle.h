@@ -20,6 +20,11 @@ typedef struct heddle_graph heddle_graph;
 
 /* ---- Host --------------------------------------------------------------------------------------------------------- */
 #define HEDDLE_HOST_VALIDATION 1u /* Vulkan validation layer, with synchronization checks; its messages become errors */
+/* Each frame is proven: every read-after-write, write-after-read, write-after-write and layout of the commands recorded
+ * is covered by barriers, also across frames; and every image that a pass makes is searched for NaN, for Inf where its
+ * role does not allow it, and for values outside of its role's range. What is found is an error of heddle_render. Slow:
+ * for looking. Render three frames, so that what one leaves to the next has come round. */
+#define HEDDLE_HOST_CHECK 2u
 
 typedef struct heddle_host_options {
   uint32_t struct_size;
@@ -153,8 +158,9 @@ HEDDLE_EXPORT heddle_status heddle_graph_parse(heddle_host* host, const char* te
                                                heddle_graph** out);
 /* The device is idle on return; plugins nobody else uses are unloaded. NULL is ignored. [main-thread] */
 HEDDLE_EXPORT void heddle_graph_destroy(heddle_graph* graph);
-/* What was decided and why: passes kept and dropped, order, resources, aliasing, barriers; format "text", "json" or
- * "dot". [main-thread] */
+/* What was decided and why: passes kept and dropped, order, resources, aliasing, barriers, memory; format "text", "json"
+ * or "dot". Before the first frame: for a scene with every feature; this opens the device and the plugins, which alone
+ * know how large things are. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_explain(heddle_graph* graph, const char* format, const char** out);
 /* Ports that stay readable after a frame, "ao.visibility", beside the graph's own output. Before the first frame, or
  * the graph is planned again. [main-thread] */
@@ -176,6 +182,14 @@ typedef struct heddle_render_options {
  * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene,
                                           const heddle_render_options* options);
+/* Renders `frames` frames from the first on, again and again: in every order of stages that declared accesses allow (each
+ * pair that nothing puts in order is seen both ways), and with all memory that nobody wrote filled with two patterns.
+ * Bytes of the output and of kept ports must agree; what differs depends on something undeclared and is HEDDLE_BUG, as
+ * is everything that HEDDLE_HOST_CHECK finds, which the host must have. Says as JSON what was done: {"frames", "runs",
+ * "orders", "unordered_pairs", "seen_both_ways", "poisons", "compared"}. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene,
+                                               const heddle_render_options* options, uint32_t frames,
+                                               const char** out_json);
 /* Pixels of a kept port or of the output (NULL) after a frame, as float32 (unorm as 0..1), layer and mip chosen.
  * out->pixels belongs to the graph. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_read(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,

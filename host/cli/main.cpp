@@ -22,12 +22,14 @@ int main(int argc, char** argv) {
     for (int i = 1; i < argc; ++i) {
       const std::string_view word = argv[i];
       if (i > 1 && word.ends_with(".py") &&
-          (std::string_view(argv[1]) == "run" || std::string_view(argv[1]) == "compare")) {
+          (std::string_view(argv[1]) == "run" || std::string_view(argv[1]) == "compare" ||
+           std::string_view(argv[1]) == "check")) {
         heddle::cli::run_in_python(argc, argv);
       }
     }
     heddle::cli::add_run(app, &status);
     heddle::cli::add_compare(app, &status);
+    heddle::cli::add_check(app, &status);
     heddle::cli::add_explain(app, &status);
     heddle::cli::add_list(app, &status);
     heddle::cli::add_doctor(app, &status);

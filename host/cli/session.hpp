@@ -36,6 +36,7 @@ struct HostArguments {
   std::string device;
   std::string plugin_path;
   bool validation = false;
+  bool check = false;
   bool quiet = false;
   void add_to(CLI::App& app);
 };
@@ -73,6 +74,7 @@ void say(const HostArguments& arguments, std::string_view text);
 
 // One function a subcommand; each registers itself and sets *exit_status when it ran.
 void add_run(CLI::App& app, int* exit_status);
+void add_check(CLI::App& app, int* exit_status);
 void add_compare(CLI::App& app, int* exit_status);
 void add_list(CLI::App& app, int* exit_status);
 void add_doctor(CLI::App& app, int* exit_status);

@@ -41,6 +41,15 @@ struct FrameStats {
   std::vector<std::string> libraries;  // open for this graph
 };
 
+/// What Executor::check did, when it found nothing.
+struct CheckReport {
+  std::uint32_t frames = 0, runs = 0;
+  std::size_t orders = 0;
+  std::size_t unordered_pairs = 0, seen_both_ways = 0;  // of stages
+  std::vector<std::uint32_t> poisons;                   // none where memory cannot be filled under an image
+  std::vector<std::string> compared;                    // resources whose bytes agreed
+};
+
 class Executor {
  public:
   Executor(HostServices& services, ResolvedGraph graph);
@@ -53,6 +62,11 @@ class Executor {
   /// Sets a parameter's numbers; plans anew if the parameter asks for it.
   void set_parameter(PassIndex pass, std::size_t parameter, const ParameterValue& value);
   void render(const scene::Scene& scene, const FrameOptions& options);
+  /// Renders frames from the first on, again and again: in every order that declared accesses allow, over memory that
+  /// is filled before its first and after its last use. On a device in check mode. Throws Error(HEDDLE_BUG) if a byte
+  /// of a kept resource differs, or for what check mode finds in one of the runs. Afterwards the graph is as before its
+  /// first frame.
+  CheckReport check(const scene::Scene& scene, const FrameOptions& options, std::uint32_t frames);
   /// Texels of a kept resource as float32 and their shape. Empty name: the output.
   struct ReadBack {
     std::uint32_t width = 0, height = 0, channels = 0;

@@ -171,6 +171,8 @@ void Executor::State::set_value(ResourceIndex resource, std::span<const std::byt
     std::memcpy(value.uniform.data(), bytes.data(), bytes.size());
     std::memcpy(value.storage.data() + 16, bytes.data(), bytes.size());
   }
+  device->note_host_write(value.uniform);
+  device->note_host_write(value.storage);
   value.uniform_range = std::max<std::uint64_t>(bytes.size(), 16);
   value.storage_range = bytes.size() + 16;
 }
@@ -209,6 +211,7 @@ std::uint32_t Executor::State::add_view(const HeddleView& view) {
   }
   const std::uint32_t offset = view_count * kStride;
   std::memcpy(views.data() + offset, &view, sizeof view);
+  device->note_host_write(views, offset, sizeof view);
   ++view_count;
   if (program_set == VK_NULL_HANDLE) {
     const heddle_vulkan& vk = device->table();
@@ -305,6 +308,15 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     submit_and_wait();
     begin_commands();
   }
+  for (const heddle_frame::Mapping& mapping : frame.mappings) {
+    if (mapping.is_written && variant.poison)
+      std::fill_n(reinterpret_cast<std::uint32_t*>(mapping.staging.data()), mapping.staging.size() / 4,
+                  *variant.poison);
+    if (mapping.is_written)
+      device->note_host_write(mapping.staging);
+    else
+      device->note_host_read(mapping.staging);
+  }
   if (state.descriptor->execute != nullptr) {
     throw_if_failed(state, state.descriptor->execute(state.object, &state.api, scheduled.stage, &frame, &info),
                     "execute");
@@ -332,6 +344,7 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
 void Executor::State::run_stage(std::uint32_t index) {
   const ScheduledStage& scheduled = order.stages[index];
   PassState& state = *passes[scheduled.pass];
+  label_commands(&scheduled);
   heddle_frame frame;
   frame.stage = &scheduled;
   const std::uint32_t activity =
@@ -379,12 +392,16 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     s.info.time = options.time;
     s.info.time_step = options.time_step;
     s.info.seed = options.seed;
+    s.begin_checked_frame();
     s.set_scene_values(rendered);
     s.begin_commands();
     for (std::uint32_t i = 0; i < s.order.stages.size(); ++i) {
       const auto stage_start = Clock::now();
       const double cpu_start = process_cpu_ms();
+      s.poison_around(i, true);
       s.run_stage(i);
+      s.scan_outputs(i);
+      s.poison_around(i, false);
       if (options.profile) {
         s.submit_and_wait();
         s.begin_commands();
@@ -394,12 +411,14 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
                                   milliseconds_since(stage_start), process_cpu_ms() - cpu_start});
       }
     }
+    s.label_commands(nullptr);
     s.record_barriers(s.barriers.at_end);
     s.submit_and_wait();
     s.frame_buffers.clear();
     s.stats.after = s.device->counters();
     s.stats.wall_ms = milliseconds_since(start);
     ++s.stats.frame;
+    s.throw_what_the_check_found();
     const std::vector<std::string> complaints = s.device->take_validation_errors();
     if (!complaints.empty()) {
       std::vector<Diagnostic> all;

@@ -39,6 +39,12 @@ constexpr VkBufferUsageFlags kPortBufferUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_B
 
 }  // namespace
 
+bool Executor::State::is_any_version_kept(ResourceIndex first) const {
+  for (ResourceIndex i = 0; i < graph.resources.size(); ++i)
+    if (graph.resources[i].is_kept && first_version(graph, i) == first) return true;
+  return false;
+}
+
 void Executor::State::open_device() {
   if (device != nullptr) return;
   vulkan::Device& opened = services.device();
@@ -81,11 +87,26 @@ void Executor::State::unplan() {
 }
 
 void Executor::State::plan(const scene::Scene& planned_scene) {
+  plan_memory(planned_scene.features());
+  place_resources();
+  name_resources();
+  initialize_kept();
+  for (const PassIndex index : dependency_order(graph)) {
+    PassState* pass = passes[index].get();
+    if (pass == nullptr || pass->descriptor->prepare == nullptr) continue;
+    throw_if_failed(*pass, pass->descriptor->prepare(pass->object, &pass->api), "prepare");
+  }
+  compile_passes();
+  is_planned = true;
+}
+
+/// Everything that is decided before the first byte is allocated.
+void Executor::State::plan_memory(const std::vector<std::string>& features) {
   open_device();
   unplan();
   errors.clear();
   graph = original;
-  planned_features = planned_scene.features();
+  planned_features = features;
   wanted.clear();
   wanted.push_back(graph.output);
   for (const std::string& name : kept_names) {
@@ -93,7 +114,8 @@ void Executor::State::plan(const scene::Scene& planned_scene) {
     if (std::find(wanted.begin(), wanted.end(), resource) == wanted.end()) wanted.push_back(resource);
   }
   prune(graph, wanted, planned_features);
-  order = graph::order(graph);
+  order = variant.order == 0 ? graph::order(graph)
+                             : std::move(find_orders(graph, variant.order + 1).orders.at(variant.order));
   resources.resize(graph.resources.size());
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     ResourceIndex first = i;
@@ -105,15 +127,15 @@ void Executor::State::plan(const scene::Scene& planned_scene) {
   }
   open_passes();
   declare_passes();
-  place_resources();
-  initialize_kept();
-  for (const PassIndex index : dependency_order(graph)) {
-    PassState* pass = passes[index].get();
-    if (pass == nullptr || pass->descriptor->prepare == nullptr) continue;
-    throw_if_failed(*pass, pass->descriptor->prepare(pass->object, &pass->api), "prepare");
+  find_needs();
+  std::vector<ResourceIndex> pinned = wanted;
+  for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+    if (graph.resources[i].is_kept) pinned.push_back(i);
+    // No memory type serves all images and buffers together on this device: buffers then live apart.
+    if (memory_types == 0 && graph.resources[i].type == PortType::kBuffer) pinned.push_back(i);
   }
-  compile_passes();
-  is_planned = true;
+  placement = alias(graph, order, needs, pinned);
+  barriers = plan_barriers(graph, order, placement, wanted);
 }
 
 void Executor::State::open_passes() {
@@ -175,14 +197,12 @@ vulkan::ImageShape Executor::State::image_shape(const Resource& resource) const 
   return shape;
 }
 
-void Executor::State::place_resources() {
-  std::vector<MemoryNeed> needs(graph.resources.size());
-  std::uint32_t memory_types = ~0U;
-  std::vector<std::uint8_t> is_alive(graph.resources.size(), 0);
+void Executor::State::find_needs() {
+  needs.assign(graph.resources.size(), {0, 1});
+  memory_types = ~0U;
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
     if (!has_memory(resource) || !passes[resource.producer]) continue;
-    is_alive[i] = 1;
     VkMemoryRequirements need{};
     if (resource.type == PortType::kImage) {
       if (resource.format == VK_FORMAT_UNDEFINED) {
@@ -196,18 +216,13 @@ void Executor::State::place_resources() {
     needs[i] = {need.size, need.alignment};
     memory_types &= need.memoryTypeBits;
   }
-  std::vector<ResourceIndex> pinned = wanted;
-  for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
-    if (graph.resources[i].is_kept) pinned.push_back(i);
-    // No memory type serves all images and buffers together on this device: buffers then live apart.
-    if (memory_types == 0 && graph.resources[i].type == PortType::kBuffer) pinned.push_back(i);
-  }
-  placement = alias(graph, order, needs, pinned);
-  barriers = plan_barriers(graph, order, placement, wanted);
+}
+
+void Executor::State::place_resources() {
   if (memory_types == 0) {
     memory_types = ~0U;
     for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
-      if (is_alive[i] != 0 && graph.resources[i].type == PortType::kImage) {
+      if (needs[i].size != 0 && graph.resources[i].type == PortType::kImage) {
         memory_types &= device->image_requirements(image_shape(graph.resources[i])).memoryTypeBits;
       }
     }
@@ -215,20 +230,28 @@ void Executor::State::place_resources() {
   if (placement.heap_size > 0) heap = device->make_heap(placement.heap_size, memory_types);
   kept_bytes = 0;
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
-    if (is_alive[i] == 0) continue;
+    if (needs[i].size == 0) continue;
     const Resource& resource = graph.resources[i];
     ResourceState& state = resources[i];
     const std::uint64_t offset = placement.offset[i];
     const bool is_own = offset == Placement::kOwnMemory;
     if (is_own) kept_bytes += needs[i].size;
+    // Kept contents are somebody's; all other memory is filled by Executor::check, through a buffer over it.
+    const bool is_poisoned =
+        variant.poison && barriers.first_layout[i] == VK_IMAGE_LAYOUT_UNDEFINED && !is_any_version_kept(i);
+    if (is_own && is_poisoned) state.own_heap = device->make_heap(needs[i].size, memory_types);
+    const bool is_alone = is_own && !is_poisoned;
+    const vulkan::Heap& place = is_own ? state.own_heap : heap;
+    const std::uint64_t at = is_own ? 0 : offset;
     if (resource.type == PortType::kImage) {
       const vulkan::ImageShape shape = image_shape(resource);
-      state.image = is_own ? device->make_image(shape) : device->place_image(shape, heap, offset);
+      state.image = is_alone ? device->make_image(shape) : device->place_image(shape, place, at);
     } else {
       const std::uint64_t size = std::max<std::uint64_t>(resource.byte_size, 16);
-      state.buffer = is_own ? device->make_buffer(size, kPortBufferUsage, false)
-                            : device->place_buffer(size, kPortBufferUsage, heap, offset);
+      state.buffer = is_alone ? device->make_buffer(size, kPortBufferUsage, false)
+                              : device->place_buffer(size, kPortBufferUsage, place, at);
     }
+    if (is_poisoned) place_poison(i, needs[i].size);
   }
   stats.heap_bytes = placement.heap_size;
   stats.unaliased_bytes = placement.unaliased_size;
@@ -257,6 +280,16 @@ void Executor::State::initialize_kept() {
         record_barriers({&barrier, 1});
       } else if (state.buffer && resource.is_kept) {
         device->table().CmdFillBuffer(buffer, state.buffer.handle(), 0, VK_WHOLE_SIZE, 0);
+        // That the host waits makes it available, and visible to nobody.
+        VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
+        memory.srcStageMask = VK_PIPELINE_STAGE_2_CLEAR_BIT;
+        memory.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
+        memory.dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+        memory.dstAccessMask = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
+        VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+        dependency.memoryBarrierCount = 1;
+        dependency.pMemoryBarriers = &memory;
+        device->table().CmdPipelineBarrier2(buffer, &dependency);
       }
     }
     commands = VK_NULL_HANDLE;

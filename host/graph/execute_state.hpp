@@ -20,8 +20,10 @@ struct Value {
 /// Run-time side of a Resource. Later versions of images and buffers point to their first version by `root`.
 struct ResourceState {
   ResourceIndex root = kNoIndex;
+  vulkan::Heap own_heap;  // only while memory is poisoned: of a resource outside of the shared heap
   vulkan::Image image;
   vulkan::Buffer buffer;
+  vulkan::Buffer poison;  // over the bytes of a transient image or buffer, while memory is poisoned
   Value value;
   VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;  // now; tracked while recording
   bool was_initialized = false;                      // kept resources: neutral contents were written
@@ -77,6 +79,8 @@ struct Executor::State {
   bool is_planned = false;
   std::vector<std::string> planned_features;
   Order order;
+  std::vector<MemoryNeed> needs;
+  std::uint32_t memory_types = 0;  // that serve them all
   Placement placement;
   BarrierPlan barriers;
   std::vector<ResourceIndex> wanted;
@@ -119,6 +123,8 @@ struct Executor::State {
 
   void open_device();
   void plan(const scene::Scene& scene);
+  void plan_memory(const std::vector<std::string>& features);
+  void find_needs();
   void unplan();
   void open_passes();
   void declare_passes();
@@ -152,6 +158,30 @@ struct Executor::State {
   std::uint32_t add_view(const HeddleView& view);
   void throw_if_failed(const PassState& pass, heddle_status status, std::string_view what);
 
+  // What Executor::check renders (execute_orders.cpp): one of find_orders, and what fills memory that nobody wrote.
+  struct Variant {
+    std::size_t order = 0;
+    std::optional<std::uint32_t> poison;
+  };
+  Variant variant;
+  void place_poison(ResourceIndex resource, std::uint64_t bytes);
+  void poison_around(std::uint32_t stage, bool is_before);
+
+  // Check mode (execute_check.cpp); without it each does nothing.
+  struct Scan {  // texels of an output, copied right after its pass
+    PassIndex pass = kNoIndex;
+    ResourceIndex resource = kNoIndex;
+    std::uint32_t layer = 0, mip = 0, width = 0, height = 0;
+    vulkan::Buffer texels;
+  };
+  std::vector<Scan> scans;
+  void name_resources();
+  void begin_checked_frame();
+  void label_commands(const ScheduledStage* stage);
+  void scan_outputs(std::uint32_t stage);
+  void throw_what_the_check_found();
+
+  [[nodiscard]] bool is_any_version_kept(ResourceIndex first) const;
   [[nodiscard]] ResourceState& root(ResourceIndex resource) { return resources[resources[resource].root]; }
   [[nodiscard]] const Pass& pass_of(const PassState& state) const { return graph.passes[state.index]; }
   [[nodiscard]] const Technique& technique_of(const PassState& state) const {

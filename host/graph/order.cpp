@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <map>
 #include <set>
 
 #include "graph/stages.hpp"
@@ -32,11 +33,49 @@ class Scheduler {
     for (NodeIndex n = 0; n < nodes_.size(); ++n) connect(n);
   }
 
+  /// Early stages first, then the order of the file.
   Order run() {
     check_function_cycles();
-    // Early stages first, then the order of the file.
-    const auto key = [&](NodeIndex n) { return std::pair(!nodes_[n].is_early, n); };
-    std::set<std::pair<bool, NodeIndex>> ready;
+    return run_by([&](NodeIndex n) { return std::pair<std::uint32_t, NodeIndex>(nodes_[n].is_early ? 0 : 1, n); });
+  }
+
+  /// As few orders as a greedy choice finds that show every pair of stages which nothing puts in order both ways.
+  OrderSet run_all(std::size_t most) {
+    OrderSet set;
+    const std::vector<std::vector<bool>> waits_for = find_reached();
+    const auto count = static_cast<NodeIndex>(nodes_.size());
+    std::set<std::pair<NodeIndex, NodeIndex>> unseen;  // (first, then): not yet seen in this order
+    for (NodeIndex a = 0; a < count; ++a)
+      for (NodeIndex b = 0; b < count; ++b)
+        if (a != b && !waits_for[a][b] && !waits_for[b][a]) unseen.emplace(a, b);
+    set.unordered_pairs = unseen.size() / 2;
+    const auto take = [&](const Order& order) {
+      for (std::size_t i = 0; i < sequence_.size(); ++i)
+        for (std::size_t j = i + 1; j < sequence_.size(); ++j) unseen.erase({sequence_[i], sequence_[j]});
+      set.orders.push_back(order);
+    };
+    take(run());
+    while (!unseen.empty() && set.orders.size() < most) {
+      // One pair decides: what the first needs goes to the front, what needs the second to the end, the rest backwards.
+      const auto [first, then] = *unseen.begin();
+      take(run_by([&, a = first, b = then](NodeIndex n) {
+        const std::uint32_t part = n == a || waits_for[a][n] ? 0 : n == b || waits_for[n][b] ? 2 : 1;
+        return std::pair(part, count - n);
+      }));
+    }
+    std::set<std::pair<NodeIndex, NodeIndex>> half_seen;
+    for (const auto& [a, b] : unseen) half_seen.emplace(std::min(a, b), std::max(a, b));
+    set.seen_both_ways = set.unordered_pairs - half_seen.size();
+    return set;
+  }
+
+ private:
+  template <typename Key>
+  Order run_by(const Key& key) {
+    done_.clear();
+    sequence_.clear();
+    std::set<std::pair<std::uint32_t, NodeIndex>> ready;
+    std::map<std::pair<std::uint32_t, NodeIndex>, NodeIndex> node_of;
     std::vector<std::size_t> waits(nodes_.size());
     std::vector<std::vector<NodeIndex>> followers(nodes_.size());
     for (NodeIndex n = 0; n < nodes_.size(); ++n) {
@@ -44,12 +83,14 @@ class Scheduler {
       for (const Edge& edge : edges_[n]) before.insert(edge.from);
       waits[n] = before.size();
       for (const NodeIndex b : before) followers[b].push_back(n);
+      node_of[key(n)] = n;
       if (before.empty()) ready.insert(key(n));
     }
     Order order;
     while (!ready.empty()) {
-      const NodeIndex n = ready.begin()->second;
+      const NodeIndex n = node_of[*ready.begin()];
       ready.erase(ready.begin());
+      sequence_.push_back(n);
       order.stages.push_back(nodes_[n].scheduled);
       done_.insert(n);
       for (const NodeIndex follower : followers[n])
@@ -60,7 +101,20 @@ class Scheduler {
     return order;
   }
 
- private:
+  /// [a][b]: a waits for b, through others too.
+  [[nodiscard]] std::vector<std::vector<bool>> find_reached() const {
+    std::vector<std::vector<bool>> reached(nodes_.size(), std::vector<bool>(nodes_.size(), false));
+    const auto visit = [&](const auto& self, NodeIndex from, NodeIndex at) -> void {
+      for (const Edge& edge : edges_[at]) {
+        if (reached[from][edge.from]) continue;
+        reached[from][edge.from] = true;
+        self(self, from, edge.from);
+      }
+    };
+    for (NodeIndex n = 0; n < nodes_.size(); ++n) visit(visit, n, n);
+    return reached;
+  }
+
   void make_nodes() {
     for (PassIndex p = 0; p < graph_.passes.size(); ++p) {
       const Pass& pass = graph_.passes[p];
@@ -246,12 +300,17 @@ class Scheduler {
   std::vector<std::vector<NodeIndex>> nodes_of_;  // by pass
   std::vector<std::vector<Edge>> edges_;          // by the node that waits
   std::set<NodeIndex> done_;
+  std::vector<NodeIndex> sequence_;  // of the last run
 };
 
 }  // namespace
 
 Order order(const ResolvedGraph& graph) {
   return Scheduler(graph).run();
+}
+
+OrderSet find_orders(const ResolvedGraph& graph, std::size_t most) {
+  return Scheduler(graph).run_all(most);
 }
 
 }  // namespace heddle::graph

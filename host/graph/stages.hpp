@@ -155,6 +155,13 @@ struct Order {
 };
 /// One order for one graph: dependencies first, ties by the order in the file. Throws Error naming a cycle.
 Order order(const ResolvedGraph& graph);
+/// Orders that are all right: order's own first, then others, so that of every two stages which nothing puts in order
+/// each is seen before the other. For tests of what declarations do not tell: bytes must not depend on the order.
+struct OrderSet {
+  std::vector<Order> orders;
+  std::size_t unordered_pairs = 0, seen_both_ways = 0;
+};
+OrderSet find_orders(const ResolvedGraph& graph, std::size_t most);
 /// The resource that owns the memory of a version: itself, or the first one of a chain of `inout` images or buffers.
 ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource);
 /// Every pass whose functions a shader (or function text) with these calls reaches, providers of providers included.
@@ -170,6 +177,7 @@ struct Placement {
   std::vector<std::uint64_t> offset;                  // for each resource: into the one shared heap, or kOwnMemory
   std::uint64_t heap_size = 0;                        // with aliasing
   std::uint64_t unaliased_size = 0;                   // what the same resources would need each for itself
+  std::uint64_t own_size = 0;                         // of the resources beside the heap: kept, or read after the frame
   // Pairs (stage, resource): at this stage's start the resource's memory was another's: contents are undefined, and a
   // barrier from the listed earlier users is due.
   struct Handover {

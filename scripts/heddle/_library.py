@@ -9,6 +9,7 @@ from ctypes import POINTER, Structure, c_char_p, c_double, c_float, c_int32, c_u
 NONE = 0xFFFFFFFF
 TEXTURE_COUNT = 5
 HOST_VALIDATION = 1
+HOST_CHECK = 2
 RENDER_PROFILE = 1
 
 LogFunction = ctypes.CFUNCTYPE(None, c_void_p, c_uint32, c_char_p)
@@ -128,6 +129,7 @@ PROTOTYPES = {
     "heddle_graph_set": (c_int32, [c_void_p, c_char_p]),
     "heddle_render": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions)]),
     "heddle_read": (c_int32, [c_void_p, c_char_p, c_uint32, c_uint32, POINTER(Image)]),
+    "heddle_graph_check": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), c_uint32, _TEXT]),
     "heddle_stats": (c_int32, [c_void_p, _TEXT]),
     "heddle_image_read": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),
     "heddle_image_write": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),

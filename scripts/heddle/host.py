@@ -115,6 +115,8 @@ class Host(_Object):
 
     device:      part of a device's name or its index; None: lavapipe, else the first usable
     validation:  run with Vulkan's validation layer; what it finds raises Error
+    check:       prove of each frame that barriers cover every hazard, and search what passes make for NaN, Inf and values
+                 out of their role's range; what is found raises Error. Slow. Render three frames
     plugin_path: folders separated by ':'; None: the library's own
     log:         called with (severity 0 error, 1 warning, 2 information; text); None: warnings go to stderr
     raises:      Error
@@ -123,11 +125,12 @@ class Host(_Object):
     _destroy = _heddle.heddle_destroy
 
     def __init__(self, device: str | None = None, validation: bool = False, plugin_path: str | None = None,
-                 log: Callable[[int, str], None] | None = None):
+                 log: Callable[[int, str], None] | None = None, check: bool = False):
         say = log if log is not None else _log_to_stderr
         self._log = c.LogFunction(lambda _user, severity, text: say(severity, text.decode()))
-        options = c.HostOptions(ctypes.sizeof(c.HostOptions), c.HOST_VALIDATION if validation else 0, _encode(device),
-                                _encode(plugin_path), None, self._log, None)
+        flags = (c.HOST_VALIDATION if validation else 0) | (c.HOST_CHECK if check else 0)
+        options = c.HostOptions(ctypes.sizeof(c.HostOptions), flags, _encode(device), _encode(plugin_path), None,
+                                self._log, None)
         handle = ctypes.c_void_p()
         status = _heddle.heddle_create(ctypes.byref(options), ctypes.byref(handle))
         if status:
@@ -348,6 +351,22 @@ class Graph(_Object):
         image = c.Image(ctypes.sizeof(c.Image))
         self._check(_heddle.heddle_read(self._handle, _encode(port), layer, mip, ctypes.byref(image)))
         return _to_array(image)
+
+    def check(self, scene: Scene, frames: int = 3, time: float = 0.0, time_step: float = 0.0, seed: int = 0) -> dict:
+        """Proves that the graph does what it declares, on a host made with check=True.
+
+        Renders frames from the first on in every order of stages that declared accesses allow and over memory filled with
+        two patterns; the bytes of the output and of kept ports must agree. Afterwards the graph is as before its first
+        frame.
+
+        returns: {"frames", "runs", "orders", "unordered_pairs", "seen_both_ways": int, "poisons", "compared": list}
+        raises:  Error, with the first thing that was found
+        """
+        options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), 0, time, time_step, seed, 0, 0)
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_graph_check(self._handle, scene._handle, ctypes.byref(options), frames,
+                                               ctypes.byref(text)))
+        return json.loads(text.value.decode())
 
     def stats(self) -> dict:
         """Of the last frame: times in ms, counters, memory in bytes, libraries."""

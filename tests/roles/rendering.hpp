@@ -37,6 +37,7 @@ struct Image {
 /// One host for all tests of an executable.
 class Host {
  public:
+  static inline std::uint32_t flags = 0;  // HEDDLE_HOST_*, set before the first get()
   static Host& get() {
     static Host host;
     return host;
@@ -52,6 +53,7 @@ class Host {
     const std::string path = HEDDLE_BUILD_DIR "/lib/heddle/plugins:" HEDDLE_BUILD_DIR "/tests/plugins";
     heddle_host_options options{};
     options.struct_size = sizeof options;
+    options.flags = flags;
     options.plugin_path = path.c_str();
     options.log = [](void* user, std::uint32_t, const char* text) { static_cast<Host*>(user)->log.emplace_back(text); };
     options.log_user = this;

@@ -1,0 +1,72 @@
+// SPDX-License-Identifier: Apache-2.0
+// heddle check: proves that a graph does what it declares, whatever the order of its stages and the state of memory.
+
+#include "cli/session.hpp"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+namespace heddle::cli {
+
+namespace {
+
+struct CheckArguments : RenderArguments {
+  std::vector<std::string> ports;
+  bool json = false;
+};
+
+int check_graph(CheckArguments& arguments) {
+  arguments.sort_files();
+  arguments.host.check = true;
+  const Owned<heddle_host> host = make_host(arguments.host);
+  const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
+  for (const std::string& port : arguments.ports) check(host.get(), heddle_graph_keep(graph.get(), port.c_str()));
+  const Owned<heddle_scene> scene = load_scene(host.get(), arguments);
+  heddle_render_options options{};
+  options.struct_size = sizeof options;
+  options.time = arguments.time;
+  options.seed = arguments.seed;
+  // What a frame leaves to the next one comes round in the third.
+  const auto frames = static_cast<std::uint32_t>(std::max(arguments.frames, 3));
+  const char* text = nullptr;
+  check(host.get(), heddle_graph_check(graph.get(), scene.get(), &options, frames, &text));
+  if (arguments.json) {
+    fmt::print("{}\n", text);
+    return HEDDLE_OK;
+  }
+  const nlohmann::json report = nlohmann::json::parse(text);
+  const auto join = [](const nlohmann::json& list) {
+    return fmt::format("{}", fmt::join(list.get<std::vector<std::string>>(), ", "));
+  };
+  fmt::print("{} runs of {} frames, nothing found\n", report["runs"].get<int>(), report["frames"].get<int>());
+  fmt::print("  hazards  every read-after-write, write-after-read, write-after-write and layout is covered\n");
+  fmt::print("  numbers  no pass makes NaN, nor Inf or values out of range where its role forbids them\n");
+  fmt::print("  orders   {}; of {} pairs of stages that nothing puts in order, {} were seen both ways\n",
+             report["orders"].get<int>(), report["unordered_pairs"].get<int>(), report["seen_both_ways"].get<int>());
+  fmt::print("  memory   {}\n", report["poisons"].empty()
+                                    ? "left as it is: on this device nobody can fill the bytes of an image"
+                                    : "filled before its first and after its last use with " + join(report["poisons"]));
+  fmt::print("  bytes    {} agree in all runs\n", join(report["compared"]));
+  return HEDDLE_OK;
+}
+
+}  // namespace
+
+void add_check(CLI::App& app, int* exit_status) {
+  CLI::App* command = app.add_subcommand(
+      "check",
+      "prove that a graph does what it declares: hazards, numbers, orders of stages, memory that nobody wrote");
+  auto arguments = std::make_shared<CheckArguments>();
+  arguments->add_to(*command);
+  command->add_option("--port", arguments->ports, "compare this port too, PASS.PORT; may be given again")
+      ->take_all()
+      ->allow_extra_args(false);
+  command->add_flag("--json", arguments->json, "print what was done as JSON");
+  command->callback([arguments, exit_status] { *exit_status = check_graph(*arguments); });
+}
+
+}  // namespace heddle::cli

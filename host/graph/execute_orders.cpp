@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+// Executor::check: the same frames in other orders and over other memory must give the same bytes. What differs depends
+// on something that no declared access tells the graph of.
+
+#include "graph/execute_state.hpp"
+#include "vulkan/hazard_recorder.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstring>
+
+namespace heddle::graph {
+
+namespace {
+
+// All ones is a NaN in every float format but 1 in unorm; the other is 1e30, -13904 and 10824 as halves, and neither 0
+// nor 1 as unorm. One alone would hide where its value happens to be right.
+constexpr std::array<std::uint32_t, 2> kPoisons{0xFFFFFFFFU, 0x7149F2CAU};
+constexpr std::size_t kMostOrders = 16;
+
+/// Everything that was recorded is done before everything that follows.
+void barrier_between_all(const heddle_vulkan& vk, VkCommandBuffer commands) {
+  VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
+  memory.srcStageMask = memory.dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+  memory.srcAccessMask = memory.dstAccessMask = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
+  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+  dependency.memoryBarrierCount = 1;
+  dependency.pMemoryBarriers = &memory;
+  vk.CmdPipelineBarrier2(commands, &dependency);
+}
+
+/// An image or a part of it, as it was after a frame.
+struct Picture {
+  ResourceIndex resource = kNoIndex;
+  PassIndex pass = kNoIndex;
+  std::uint32_t layer = 0, mip = 0, width = 1;
+  std::vector<std::byte> bytes;
+};
+
+struct Frame {
+  std::vector<Picture> kept;     // what the graph was asked for
+  std::vector<Picture> scanned;  // every output, right after its pass; in the order of that run
+};
+
+std::vector<Frame> run_frames(Executor& executor, Executor::State& state, const scene::Scene& scene,
+                              const FrameOptions& options, std::uint32_t frames) {
+  std::vector<Frame> result;
+  for (std::uint32_t f = 0; f < frames; ++f) {
+    executor.render(scene, options);
+    Frame& frame = result.emplace_back();
+    for (const Executor::State::Scan& scan : state.scans)
+      frame.scanned.push_back({scan.resource,
+                               scan.pass,
+                               scan.layer,
+                               scan.mip,
+                               scan.width,
+                               {scan.texels.data(), scan.texels.data() + scan.texels.size()}});
+    for (const ResourceIndex wanted : state.wanted) {
+      const ResourceState& kept = state.resources[state.resources[wanted].root];
+      if (!kept.image) continue;
+      for (std::uint32_t layer = 0; layer < kept.image.shape().layers; ++layer)
+        for (std::uint32_t mip = 0; mip < kept.image.shape().mips; ++mip)
+          frame.kept.push_back({wanted, state.graph.resources[wanted].producer, layer, mip,
+                                std::max(kept.image.shape().width >> mip, 1U),
+                                state.device->read_back(kept.image, layer, mip, kept.layout)});
+    }
+  }
+  return result;
+}
+
+const Picture* find_same(const std::vector<Picture>& pictures, const Picture& wanted) {
+  const auto found = std::find_if(pictures.begin(), pictures.end(), [&](const Picture& picture) {
+    return picture.resource == wanted.resource && picture.layer == wanted.layer && picture.mip == wanted.mip;
+  });
+  return found == pictures.end() ? nullptr : &*found;
+}
+
+std::string order_text(const ResolvedGraph& graph, const Order& order) {
+  std::string text;
+  for (const ScheduledStage& stage : order.stages) {
+    const Pass& pass = graph.passes[stage.pass];
+    text += fmt::format("{}{}.{}", text.empty() ? "" : ", ", pass.name, pass.entry.technique->stages[stage.stage].name);
+  }
+  return text;
+}
+
+}  // namespace
+
+void Executor::State::place_poison(ResourceIndex resource, std::uint64_t bytes) {
+  ResourceState& state = resources[resource];
+  const bool is_own = placement.offset[resource] == Placement::kOwnMemory;
+  state.poison = device->place_buffer(bytes, VK_BUFFER_USAGE_TRANSFER_DST_BIT, is_own ? state.own_heap : heap,
+                                      is_own ? 0 : placement.offset[resource]);
+}
+
+void Executor::State::poison_around(std::uint32_t stage, bool is_before) {
+  if (!variant.poison) return;
+  const vulkan::hazard::Recorder::Pause pause(device->recorder());
+  const auto uses = [&](const ScheduledStage& scheduled, ResourceIndex resource) {
+    return std::any_of(scheduled.uses.begin(), scheduled.uses.end(),
+                       [&](const auto& use) { return resources[use.resource].root == resource; });
+  };
+  const heddle_vulkan& vk = device->table();
+  for (ResourceIndex i = 0; i < resources.size(); ++i) {
+    if (!resources[i].poison || !uses(order.stages[stage], i)) continue;
+    const auto begin = order.stages.begin() + (is_before ? 0 : stage + 1);
+    const auto end = is_before ? order.stages.begin() + stage : order.stages.end();
+    const bool is_used_there =
+        std::any_of(begin, end, [&](const ScheduledStage& scheduled) { return uses(scheduled, i); });
+    const bool is_read_later = !is_before && std::any_of(wanted.begin(), wanted.end(),
+                                                         [&](ResourceIndex w) { return resources[w].root == i; });
+    if (is_used_there || is_read_later) continue;
+    barrier_between_all(vk, commands);
+    vk.CmdFillBuffer(commands, resources[i].poison.handle(), 0, VK_WHOLE_SIZE, *variant.poison);
+    barrier_between_all(vk, commands);
+  }
+}
+
+CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& options, std::uint32_t frames) {
+  State& s = *state_;
+  const auto run = [&](std::size_t order, std::optional<std::uint32_t> poison) {
+    s.unplan();
+    s.variant = {order, poison};
+    s.stats.frame = 0;
+    s.previous_camera.reset();
+    return run_frames(*this, s, scene, options, frames);
+  };
+  struct Restore {
+    State& state;
+    ~Restore() {
+      state.unplan();
+      state.variant = {};
+      state.stats.frame = 0;
+      state.previous_camera.reset();
+    }
+  } restore{s};
+
+  const std::vector<Frame> expected = run(0, {});
+  const OrderSet orders = find_orders(s.graph, kMostOrders);
+  CheckReport report;
+  report.frames = frames;
+  report.runs = 1;
+  report.orders = orders.orders.size();
+  report.unordered_pairs = orders.unordered_pairs;
+  report.seen_both_ways = orders.seen_both_ways;
+  for (const ResourceIndex wanted : s.wanted) report.compared.push_back(s.graph.resources[wanted].name);
+  // Only here bytes of an image are where the memory is that a buffer over it fills.
+  const bool can_poison = s.device->info().is_lavapipe;
+  if (can_poison) report.poisons.assign(kPoisons.begin(), kPoisons.end());
+
+  const auto compare = [&](const std::vector<Frame>& found, std::size_t order, std::optional<std::uint32_t> poison) {
+    ++report.runs;
+    for (std::uint32_t f = 0; f < frames; ++f) {
+      for (const Picture& picture : expected[f].kept) {
+        const Picture* same = find_same(found[f].kept, picture);
+        if (same == nullptr || same->bytes == picture.bytes) continue;
+        const auto at = static_cast<std::size_t>(
+            std::mismatch(picture.bytes.begin(), picture.bytes.end(), same->bytes.begin()).first -
+            picture.bytes.begin());
+        const auto format = static_cast<VkFormat>(s.graph.resources[s.resources[picture.resource].root].format);
+        const vulkan::FormatInfo info = vulkan::format_info(format);
+        const std::size_t texel = at / info.texel_bytes;
+        const auto texel_text = [&](const Picture& of) {
+          const std::vector<float> values =
+              vulkan::to_float(std::span(of.bytes).subspan(texel * info.texel_bytes, info.texel_bytes), format);
+          return fmt::format("{}", fmt::join(values, " "));
+        };
+        Diagnostic diagnostic;
+        diagnostic.where.file = s.graph.file;
+        diagnostic.message =
+            fmt::format("'{}' {}", s.graph.resources[picture.resource].name,
+                        order != 0 ? "depends on the order of stages that nothing puts in order"
+                        : poison   ? fmt::format("depends on memory that nobody wrote, filled with 0x{:08X}", *poison)
+                                   : "differs between two runs of the same frames");
+        diagnostic.found = fmt::format("frame {}, pixel {}, {}: {}", f, texel % picture.width, texel / picture.width,
+                                       texel_text(*same));
+        diagnostic.expected = fmt::format("{}, as in the order of the graph", texel_text(picture));
+        for (const Picture& scanned : expected[f].scanned) {
+          const Picture* other = find_same(found[f].scanned, scanned);
+          if (other == nullptr || other->bytes == scanned.bytes) continue;
+          const Pass& pass = s.graph.passes[scanned.pass];
+          diagnostic.where = pass.where;
+          diagnostic.help = fmt::format(
+              "the first output that differs is '{}': pass '{}' ({}) uses something that its declared accesses do not "
+              "tell",
+              s.graph.resources[scanned.resource].name, pass.name, pass.entry.technique->id);
+          break;
+        }
+        if (order != 0)
+          diagnostic.help += fmt::format("{}the order was {}", diagnostic.help.empty() ? "" : "; ",
+                                         order_text(s.graph, orders.orders[order]));
+        throw Error(HEDDLE_BUG, std::move(diagnostic));
+      }
+    }
+  };
+  compare(run(0, {}), 0, {});
+  for (std::size_t order = 0; order < orders.orders.size(); ++order) {
+    if (!can_poison && order != 0) compare(run(order, {}), order, {});
+    for (const std::uint32_t poison : report.poisons) compare(run(order, poison), order, poison);
+  }
+  return report;
+}
+
+}  // namespace heddle::graph
