@@ -80,6 +80,8 @@ Placement alias(const ResolvedGraph& graph, const Order& order, std::span<const 
   std::vector<Block> blocks;
   for (ResourceIndex r = 0; r < count; ++r) {
     Block block = lifetimes[r];
+    const bool is_apart = is_own[r] || block.first == kNoIndex;  // nobody uses it: its pass makes it all the same
+    if (is_apart && has_memory(graph.resources[r].type)) placement.own_size += needs[r].size;
     if (is_own[r] || needs[r].size == 0 || block.first == kNoIndex || !has_memory(graph.resources[r].type)) continue;
     block.resource = r;
     block.size = needs[r].size;

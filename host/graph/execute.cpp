@@ -65,31 +65,41 @@ const ResolvedGraph& Executor::graph() const {
 
 std::string Executor::explain(std::string_view format) {
   State& s = *state_;
-  ResolvedGraph graph = s.is_planned ? s.graph : s.original;
-  Order order = s.order;
-  Placement placement = s.placement;
-  BarrierPlan barriers = s.barriers;
-  if (!s.is_planned) {
-    // Without a scene nothing is pruned for its sake, and without a device there are no sizes.
-    std::vector<ResourceIndex> wanted{graph.output};
-    for (const std::string& name : s.kept_names) wanted.push_back(find_resource(graph, name));
-    const std::vector<std::string> every_feature = [&] {
-      std::vector<std::string> features;
-      for (const Pass& pass : graph.passes) {
-        const auto& needed = pass.entry.technique->features;
-        features.insert(features.end(), needed.begin(), needed.end());
-      }
-      return features;
-    }();
-    prune(graph, wanted, every_feature);
-    order = graph::order(graph);
-    const std::vector<MemoryNeed> needs(graph.resources.size());
-    placement = alias(graph, order, needs, wanted);
-    barriers = plan_barriers(graph, order, placement, wanted);
+  const bool was_planned = s.is_planned;
+  if (!was_planned) {
+    // Without a scene nothing is pruned for its sake. How much memory images need only a device can say.
+    std::vector<std::string> every_feature;
+    for (const Pass& pass : s.original.passes) {
+      const auto& needed = pass.entry.technique->features;
+      every_feature.insert(every_feature.end(), needed.begin(), needed.end());
+    }
+    try {
+      s.plan_memory(every_feature);
+    } catch (const Error& error) {
+      // No device, or no plugin: the rest is known all the same.
+      s.services.log(Severity::kWarning, fmt::format("sizes and memory are not known: {}", error.what()));
+      s.unplan();
+      s.graph = s.original;
+      s.wanted = {s.graph.output};
+      for (const std::string& name : s.kept_names) s.wanted.push_back(find_resource(s.graph, name));
+      prune(s.graph, s.wanted, every_feature);
+      s.order = graph::order(s.graph);
+      s.placement = alias(s.graph, s.order, std::vector<MemoryNeed>(s.graph.resources.size()), s.wanted);
+      s.barriers = plan_barriers(s.graph, s.order, s.placement, s.wanted);
+    }
   }
-  if (format == "text") return explain_text(graph, order, placement, barriers);
-  if (format == "json") return explain_json(graph, order, placement, barriers);
-  if (format == "dot") return explain_dot(graph, order);
+  struct Unplan {  // what was made for the explanation alone
+    State& state;
+    bool is_due;
+    ~Unplan() {
+      if (!is_due) return;
+      state.unplan();
+      state.graph = state.original;
+    }
+  } const unplan{s, !was_planned};
+  if (format == "text") return explain_text(s.graph, s.order, s.placement, s.barriers);
+  if (format == "json") return explain_json(s.graph, s.order, s.placement, s.barriers);
+  if (format == "dot") return explain_dot(s.graph, s.order);
   throw Error(HEDDLE_BAD_INPUT, fmt::format("unknown format '{}' of an explanation", format), "one of text, json, dot");
 }
 

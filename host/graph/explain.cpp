@@ -259,8 +259,12 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
 
   std::size_t barrier_count = barriers.at_end.size();
   for (const auto& list : barriers.before) barrier_count += list.size();
-  text += fmt::format("\nmemory of transient images and buffers: {} shared, {} without sharing\n",
-                      bytes_text(placement.heap_size), bytes_text(placement.unaliased_size));
+  const std::uint64_t shared = placement.heap_size + placement.own_size;
+  const std::uint64_t apart = placement.unaliased_size + placement.own_size;
+  text += "\npeak memory of images and buffers: ";
+  text += apart == 0 ? "not known without a device\n"
+                     : fmt::format("{}, {} without sharing; {} of it is kept or read afterwards\n", bytes_text(shared),
+                                   bytes_text(apart), bytes_text(placement.own_size));
   text += fmt::format("{} stages, {} barriers\n", order.stages.size(), barrier_count);
   return text;
 }
@@ -365,7 +369,9 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
     json["handovers"].push_back(
         {{"stage", handover.stage}, {"to", graph.resources[handover.to].name}, {"from", std::move(from)}});
   }
-  json["memory"] = {{"heap_bytes", placement.heap_size}, {"unaliased_bytes", placement.unaliased_size}};
+  json["memory"] = {{"heap_bytes", placement.heap_size},
+                    {"unaliased_bytes", placement.unaliased_size},
+                    {"own_bytes", placement.own_size}};
   // Names come from files of other people: bytes that are no UTF-8 are replaced, not thrown about.
   return write_json(json, 2);
 }
