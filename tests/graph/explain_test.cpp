@@ -8,6 +8,7 @@
 namespace heddle::graph {
 namespace {
 
+using ::testing::ContainsRegex;
 using ::testing::HasSubstr;
 
 struct Explained {
@@ -41,6 +42,20 @@ TEST(Explain, SaysWhatStaysAndWhy) {
       HasSubstr("barrier 'ao.noisy' compute (storage_write) -> compute (sampled_read), general -> shader_read_only\n"));
   EXPECT_THAT(text, HasSubstr("gbuffer.depth             r32f 64 x 32        heap at "));
   EXPECT_THAT(text, HasSubstr("5 stages"));
+}
+
+TEST(Explain, SaysThePeakMemoryOrThatNobodyKnowsIt) {
+  EXPECT_THAT(explain({}).text, ContainsRegex("peak memory of images and buffers: [0-9.]+ [KMi]*B, [0-9.]+ [KMi]*B "
+                                              "without sharing; [0-9.]+ [KMi]*B of it is kept or read afterwards\n"));
+  const auto memory = nlohmann::json::parse(explain({"extent=[64,32]"}).json)["memory"];
+  EXPECT_GE(memory["own_bytes"], 4 * 64 * 32) << "the output, which is read afterwards";
+  EXPECT_LE(memory["heap_bytes"], memory["unaliased_bytes"]);
+  ResolvedGraph graph = resolve(parse(testing::kSmallGraph, "small.toml"), testing::shared_registry());
+  prune(graph, std::array{graph.output}, {});
+  const Order sequence = order(graph);
+  const Placement placement = alias(graph, sequence, std::vector<MemoryNeed>(graph.resources.size()), {});
+  EXPECT_THAT(explain_text(graph, sequence, placement, plan_barriers(graph, sequence, placement, {})),
+              HasSubstr("peak memory of images and buffers: not known without a device\n"));
 }
 
 TEST(Explain, SaysWhatGoesAndWhy) {

@@ -211,5 +211,77 @@ TEST(Order, IsTheSameForAnyDagEveryTimeAndRespectsIt) {
   }
 }
 
+TEST(Orders, OfAChainThereIsOne) {
+  SyntheticGraph made;
+  const PassIndex writer = made.pass("writer"), reader = made.pass("reader");
+  made.input(reader, "a", made.image(writer, "a"));
+  made.gpu(writer, "main", {touch("a", HEDDLE_ACCESS_STORAGE_WRITE)});
+  made.gpu(reader, "main", {touch("a", HEDDLE_ACCESS_SAMPLED)});
+  const OrderSet set = find_orders(made.graph, 16);
+  EXPECT_EQ(set.orders.size(), 1U);
+  EXPECT_EQ(set.unordered_pairs, 0U);
+}
+
+TEST(Orders, StopAtTheLimitAndSayWhatWasNotSeen) {
+  SyntheticGraph made;
+  for (const char* name : {"a", "b"}) {
+    const PassIndex pass = made.pass(name);
+    made.image(pass, "x");
+    made.gpu(pass, "main", {touch("x", HEDDLE_ACCESS_STORAGE_WRITE)});
+  }
+  const OrderSet one = find_orders(made.graph, 1);
+  EXPECT_EQ(one.unordered_pairs, 1U);
+  EXPECT_EQ(one.seen_both_ways, 0U);
+  const OrderSet two = find_orders(made.graph, 2);
+  EXPECT_EQ(two.seen_both_ways, 1U);
+  EXPECT_EQ(made.text(two.orders[0]), made.text(order(made.graph))) << "order's own comes first";
+  EXPECT_EQ(made.text(two.orders[1]), "b.main a.main");
+}
+
+TEST(Orders, ShowEveryPairBothWaysAndKeepEveryDependency) {
+  std::mt19937 random(5);
+  for (int round = 0; round < 40; ++round) {
+    constexpr std::size_t kPasses = 12;
+    SyntheticGraph made;
+    std::vector<ResourceIndex> images;
+    std::vector<std::vector<bool>> waits(kPasses, std::vector<bool>(kPasses, false));
+    for (std::size_t i = 0; i < kPasses; ++i) {
+      const PassIndex p = made.pass("p" + std::to_string(i));
+      std::vector<Access> accesses{touch("out", HEDDLE_ACCESS_STORAGE_WRITE)};
+      for (std::size_t j = 0; j < i; ++j) {
+        if (random() % 6 != 0) continue;
+        made.input(p, "in" + std::to_string(j), images[j]);
+        accesses.push_back(touch("in" + std::to_string(j), HEDDLE_ACCESS_SAMPLED));
+        waits[i][j] = true;
+        for (std::size_t k = 0; k < j; ++k) waits[i][k] = waits[i][k] || waits[j][k];
+      }
+      images.push_back(made.image(p, "out"));
+      made.gpu(p, "main", accesses);
+    }
+    const OrderSet set = find_orders(made.graph, 200);
+    std::vector<std::vector<bool>> seen(kPasses, std::vector<bool>(kPasses, false));
+    for (const Order& one : set.orders) {
+      ASSERT_EQ(one.stages.size(), kPasses);
+      for (std::size_t i = 0; i < kPasses; ++i) {
+        for (std::size_t j = i + 1; j < kPasses; ++j) {
+          const PassIndex earlier = one.stages[i].pass, later = one.stages[j].pass;
+          EXPECT_FALSE(waits[earlier][later]);
+          seen[earlier][later] = true;
+        }
+      }
+    }
+    std::size_t unordered = 0;
+    for (std::size_t a = 0; a < kPasses; ++a) {
+      for (std::size_t b = a + 1; b < kPasses; ++b) {
+        if (waits[a][b] || waits[b][a]) continue;
+        ++unordered;
+        EXPECT_TRUE(seen[a][b] && seen[b][a]) << a << " and " << b;
+      }
+    }
+    EXPECT_EQ(set.unordered_pairs, unordered);
+    EXPECT_EQ(set.seen_both_ways, unordered);
+  }
+}
+
 }  // namespace
 }  // namespace heddle::graph
