@@ -218,7 +218,8 @@ std::string Model::describe(const Past& past) const {
   const Label& label = stream_->labels[past.label];
   std::string text = past.is_transition ? "the layout transition" : std::string(past.command);
   if (!label.text.empty()) text += " of " + label.text;
-  return text + (past.frame == frame_ ? "" : fmt::format(" in frame {}", past.frame));
+  if (past.frame == frame_) return text;
+  return text + (past.frame + 1 == frame_ ? " in the frame before" : " in an earlier frame");
 }
 
 void Model::complain(const Event& event, std::string what, std::string found, std::string expected, std::string help) {
@@ -317,7 +318,15 @@ void Model::apply(const Event& event) {
   for (const Change& change : changes) {
     change.past->after |= change.after;
     change.past->is_available = change.past->is_available || change.becomes_available;
-    if (change.visible) change.past->visible.push_back(*change.visible);
+    if (!change.visible) continue;
+    // Barriers repeat from frame to frame; what is never written again must not grow with them.
+    std::vector<Visible>& visible = change.past->visible;
+    const auto same = std::find_if(visible.begin(), visible.end(),
+                                   [&](const Visible& v) { return v.stages == change.visible->stages; });
+    if (same == visible.end())
+      visible.push_back(*change.visible);
+    else
+      same->access |= change.visible->access;
   }
   for (const Dependency& dependency : event.dependencies)
     if (is_transition(dependency)) finish_transition(event, dependency);
