@@ -345,6 +345,9 @@ std::vector<BoundVariable> find_accesses(std::span<const std::uint32_t> words) {
     }
     found.push_back(std::move(variable));
   }
+  std::stable_sort(found.begin(), found.end(), [](const BoundVariable& a, const BoundVariable& b) {
+    return std::pair(a.set, a.binding) < std::pair(b.set, b.binding);
+  });
   return found;
 }
 

@@ -21,7 +21,7 @@ struct BoundVariable {
   bool operator==(const BoundVariable&) const = default;
 };
 
-/// In the order of declaration. Code behind a condition that is always false counts: glslang keeps it. What the walk
+/// By set and binding. Code behind a condition that is always false counts: glslang keeps it. What the walk
 /// does not know counts as a read and a write, so that it errs towards "used". Words that are no module: nothing.
 std::vector<BoundVariable> find_accesses(std::span<const std::uint32_t> words);
 
