@@ -9,7 +9,7 @@
 #include <iostream>
 
 #include "scene/upload.hpp"
-#include "unit/scene/gltf_file.hpp"
+#include "unit/scene/gltf_fixture.hpp"
 
 namespace heddle::scene {
 namespace {
