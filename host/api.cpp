@@ -7,7 +7,9 @@
 #include "json.hpp"
 #include "plugin/list.hpp"
 #include "scene/arrays.hpp"
+#include "scene/overlay.hpp"
 #include "scene/scene.hpp"
+#include "scene/upload.hpp"
 
 #include <heddle/heddle.h>
 
@@ -20,6 +22,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <functional>
+#include <limits>
 #include <span>
 
 using heddle::Error;
@@ -88,6 +91,7 @@ struct heddle_host {
 struct heddle_scene {
   heddle_host* host = nullptr;
   heddle::scene::Scene scene;
+  heddle::scene::Snapshot snapshot;
   std::string description;
 };
 
@@ -172,11 +176,30 @@ void check_material(const HeddleMaterial& record, const std::string& name) {
   if (record.alpha_mode > HEDDLE_ALPHA_BLEND) {
     throw Error(HEDDLE_BAD_INPUT, fmt::format("{} has the unknown alpha_mode {}", object, record.alpha_mode));
   }
-  check_finite(record.base_color, object, "base_color");
-  check_finite(record.emissive, object, "emissive");
-  check_finite(std::array{record.alpha_cutoff, record.metalness, record.roughness, record.normal_scale,
-                          record.occlusion_strength, record.ior, record.transmission},
-               object, "a factor");
+  const auto check_range = [&](float value, const char* field, float low, float high) {
+    if (!(value >= low && value <= high)) {
+      throw Error(
+          HEDDLE_BAD_INPUT,
+          high < std::numeric_limits<float>::max()
+              ? fmt::format("{}: {} is {}: expected {} to {}", object, field, value, low, high)
+              : fmt::format("{}: {} is {}: expected a finite number of at least {}", object, field, value, low));
+    }
+  };
+  constexpr float kLargest = std::numeric_limits<float>::max();
+  for (const float value : record.base_color) check_range(value, "base_color", 0, 1);
+  for (const float value : record.emissive) check_range(value, "emissive", 0, kLargest);
+  check_range(record.alpha_cutoff, "alpha_cutoff", 0, kLargest);
+  check_range(record.metalness, "metalness", 0, 1);
+  check_range(record.roughness, "roughness", 0, 1);
+  check_range(record.occlusion_strength, "occlusion_strength", 0, 1);
+  check_range(record.ior, "ior", 1, kLargest);
+  check_range(record.transmission, "transmission", 0, 1);
+  check_finite(std::array{record.normal_scale}, object, "normal_scale");
+  for (std::uint32_t texture = 0; texture < HEDDLE_TEXTURE_COUNT; ++texture) {
+    const heddle::scene::TextureTransform transform = heddle::scene::texture_transform(record, texture);
+    check_finite(transform.matrix, object, "uv_rotation_scale");
+    check_finite(transform.offset, object, "uv_offset");
+  }
 }
 
 void check_light(const heddle_light& light, const std::string& name) {
@@ -191,6 +214,20 @@ void check_light(const heddle_light& light, const std::string& name) {
   check_finite(record.half_extent, object, "half_extent");
   check_finite(std::array{record.range, record.radius, record.segment_length, record.cos_inner, record.cos_outer},
                object, "a length or cosine");
+}
+
+heddle::scene::Light light_from(const heddle_light* given, const std::string& name, std::uint32_t id) {
+  const heddle_light taken = take(given, "light");
+  if (taken.record.type > HEDDLE_LIGHT_ENVIRONMENT) {
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("light '{}' has the unknown type {}", name, taken.record.type));
+  }
+  check_light(taken, name);
+  heddle::scene::Light made;
+  made.name = name;
+  made.position = {taken.position[0], taken.position[1], taken.position[2]};
+  made.record = taken.record;
+  made.record.id = id;
+  return made;
 }
 
 void check_camera(const heddle_camera& camera) {
@@ -446,7 +483,31 @@ void heddle_scene_destroy(heddle_scene* scene) {
 }
 
 heddle_status heddle_scene_load(heddle_scene* scene, const char* path) {
-  return guarded(scene->host->error, [&] { heddle::scene::load_gltf(scene->scene, path); });
+  return heddle_scene_load_with(scene, path, nullptr);
+}
+
+heddle_status heddle_scene_load_with(heddle_scene* scene, const char* path, const heddle_load_options* options) {
+  return guarded(scene->host->error, [&] {
+    const heddle_load_options chosen = options != nullptr ? take(options, "options") : heddle_load_options{};
+    heddle::scene::LoadLimits limits;
+    if (chosen.memory_limit != 0) limits.bytes = chosen.memory_limit;
+    if ((chosen.flags & HEDDLE_LOAD_TRUSTED) != 0) limits = {~std::uint64_t{0}, true};
+    const std::size_t warnings = scene->scene.warnings.size(), ignored = scene->scene.ignored_extensions.size();
+    if (std::string_view(path).ends_with(".toml")) {
+      heddle::scene::load_overlay(scene->scene, path, limits);
+    } else {
+      heddle::scene::load_gltf(scene->scene, path, limits);
+    }
+    for (std::size_t i = warnings; i < scene->scene.warnings.size(); ++i) {
+      scene->host->log(Severity::kWarning, fmt::format("{}: warning: {}", path, scene->scene.warnings[i]));
+    }
+    if (ignored < scene->scene.ignored_extensions.size()) {
+      const auto first = scene->scene.ignored_extensions.begin() + static_cast<std::ptrdiff_t>(ignored);
+      scene->host->log(Severity::kWarning,
+                       fmt::format("{}: warning: extensions that are not known here are left out: {}", path,
+                                   fmt::join(first, scene->scene.ignored_extensions.end(), ", ")));
+    }
+  });
 }
 
 heddle_status heddle_scene_add_texture(heddle_scene* scene, const char* name, const heddle_texture* texture,
@@ -462,12 +523,18 @@ heddle_status heddle_scene_add_texture(heddle_scene* scene, const char* name, co
                                                 "mirror or 2 clamp",
                                                 text_or_empty(name), taken.wrap_u, taken.wrap_v));
     }
+    if (taken.filter > 15) {
+      throw Error(HEDDLE_BAD_INPUT,
+                  fmt::format("texture '{}' has the unknown filter {}: expected a sum of HEDDLE_FILTER_*",
+                              text_or_empty(name), taken.filter));
+    }
     heddle::scene::Texture made;
     made.name = text_or_empty(name);
     made.width = taken.width;
     made.height = taken.height;
     made.is_srgb = taken.is_srgb != 0;
     made.wrap = {taken.wrap_u, taken.wrap_v};
+    made.filter = taken.filter;
     made.rgba.assign(taken.rgba, taken.rgba + std::size_t{4} * taken.width * taken.height);
     scene->scene.textures.push_back(std::move(made));
     ++scene->scene.content_revision;
@@ -523,19 +590,9 @@ heddle_status heddle_scene_add_instance(heddle_scene* scene, const char* name, u
 heddle_status heddle_scene_add_light(heddle_scene* scene, const char* name, const heddle_light* light,
                                      uint32_t* out_id) {
   return guarded(scene->host->error, [&] {
-    const heddle_light taken = take(light, "light");
-    if (taken.record.type > HEDDLE_LIGHT_ENVIRONMENT) {
-      throw Error(HEDDLE_BAD_INPUT,
-                  fmt::format("light '{}' has the unknown type {}", text_or_empty(name), taken.record.type));
-    }
-    check_light(taken, text_or_empty(name));
-    heddle::scene::Light made;
-    made.name = text_or_empty(name);
-    made.position = {taken.position[0], taken.position[1], taken.position[2]};
-    made.record = taken.record;
-    made.record.id = static_cast<uint32_t>(scene->scene.lights.size());
-    scene->scene.lights.push_back(std::move(made));
-    *out_id = static_cast<uint32_t>(scene->scene.lights.size() - 1);
+    const auto id = static_cast<uint32_t>(scene->scene.lights.size());
+    scene->scene.lights.push_back(light_from(light, text_or_empty(name), id));
+    *out_id = id;
   });
 }
 
@@ -555,10 +612,16 @@ heddle_status heddle_scene_set_instance(heddle_scene* scene, uint32_t id, const 
   return guarded(scene->host->error, [&] {
     check_id(id, scene->scene.instances, "instance");
     heddle::scene::Instance& instance = scene->scene.instances[id];
-    const glm::dmat4 moved = matrix_from(scene_from_object, "scene_from_object");
-    instance.previous_scene_from_object = instance.scene_from_object;
-    instance.scene_from_object = moved;
+    instance.scene_from_object = matrix_from(scene_from_object, "scene_from_object");
     ++scene->scene.motion_revision;
+  });
+}
+
+heddle_status heddle_scene_set_light(heddle_scene* scene, uint32_t id, const heddle_light* light) {
+  return guarded(scene->host->error, [&] {
+    check_id(id, scene->scene.lights, "light");
+    heddle::scene::Light& present = scene->scene.lights[id];
+    present = light_from(light, present.name, id);
   });
 }
 
@@ -590,6 +653,39 @@ heddle_status heddle_scene_describe(heddle_scene* scene, const char** out_json) 
   return guarded(scene->host->error, [&] {
     scene->description = scene->scene.describe_json();
     *out_json = scene->description.c_str();
+  });
+}
+
+heddle_status heddle_scene_use_animation(heddle_scene* scene, uint32_t id, uint32_t flags) {
+  return guarded(scene->host->error, [&] {
+    if (const std::size_t count = scene->scene.animation_count(); id != HEDDLE_NONE && id >= count) {
+      throw Error(HEDDLE_BAD_INPUT, fmt::format("there is no animation {}: the scene has {}", id, count));
+    }
+    scene->scene.use_animation(id, (flags & HEDDLE_ANIMATION_LOOP) != 0);
+  });
+}
+
+heddle_status heddle_scene_set_time(heddle_scene* scene, double time) {
+  return guarded(scene->host->error, [&] {
+    if (!std::isfinite(time)) throw Error(HEDDLE_BAD_INPUT, fmt::format("time is {}: expected finite seconds", time));
+    scene->scene.set_time(time);
+  });
+}
+
+heddle_status heddle_scene_triangles(heddle_scene* scene, heddle_triangles* out) {
+  return guarded(scene->host->error, [&] {
+    const heddle_snapshot& all = scene->snapshot.update(scene->scene);
+    heddle_triangles triangles{};
+    triangles.struct_size = std::min<std::uint32_t>(out->struct_size, sizeof triangles);
+    triangles.vertex_count = all.vertex_count;
+    triangles.triangle_count = all.triangle_count;
+    std::copy(std::begin(all.origin), std::end(all.origin), triangles.origin);
+    triangles.positions = all.positions;
+    triangles.normals = all.normals;
+    triangles.uvs = all.uvs;
+    triangles.indices = all.indices;
+    triangles.materials = all.materials;
+    std::memcpy(out, &triangles, triangles.struct_size);
   });
 }
 
@@ -677,7 +773,11 @@ heddle::graph::FrameOptions frame_options(const heddle_render_options* options) 
 
 heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene, const heddle_render_options* options) {
   return guarded(graph->host->error, [&] {
-    graph->executor->render(scene->scene, frame_options(options));
+    const heddle::graph::FrameOptions frame = frame_options(options);
+    if (options != nullptr) scene->scene.set_time(frame.time);
+    // A graph's first frame has no past either.
+    if (frame.cut || graph->executor->stats().frame == 0) scene->scene.settle();
+    graph->executor->render(scene->scene, frame);
     scene->scene.settle();
   });
 }
@@ -688,7 +788,9 @@ heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene, const
     if (frames == 0) throw Error(HEDDLE_BAD_INPUT, "a check of 0 frames was asked for", "render three");
     if (!graph->host->check)
       throw Error(HEDDLE_BAD_INPUT, "a graph is checked on a host that was made without HEDDLE_HOST_CHECK");
-    const heddle::graph::CheckReport report = graph->executor->check(scene->scene, frame_options(options), frames);
+    const heddle::graph::FrameOptions frame = frame_options(options);
+    if (options != nullptr) scene->scene.set_time(frame.time);
+    const heddle::graph::CheckReport report = graph->executor->check(scene->scene, frame, frames);
     Json json{{"frames", report.frames},
               {"runs", report.runs},
               {"orders", report.orders},
@@ -697,7 +799,7 @@ heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene, const
     json["poisons"] = Json::array();
     for (const std::uint32_t poison : report.poisons) json["poisons"].push_back(fmt::format("0x{:08X}", poison));
     json["compared"] = report.compared;
-    graph->check_report = json.dump(2);
+    graph->check_report = write_json(json, 2);
     *out_json = graph->check_report.c_str();
   });
 }

@@ -65,12 +65,16 @@ typedef struct heddle_image {
   const float* pixels;
 } heddle_image;
 
+#define HEDDLE_FILTER_NEAREST_MAGNIFIED 1u
+#define HEDDLE_FILTER_NEAREST_MINIFIED 2u
+#define HEDDLE_FILTER_NEAREST_LEVEL 4u /* of the mip chain */
+#define HEDDLE_FILTER_FINEST_LEVEL 8u  /* no mip chain is used */
 typedef struct heddle_texture {
   uint32_t struct_size;
   uint32_t width, height;
   uint32_t is_srgb;      /* 1: colour is encoded as sRGB */
   uint32_t wrap_u, wrap_v; /* 0 repeat, 1 mirror, 2 clamp */
-  uint32_t reserved;
+  uint32_t filter;       /* HEDDLE_FILTER_*; 0: linear in all directions */
   const uint8_t* rgba;   /* width x height x 4, top row first; copied */
 } heddle_texture;
 
@@ -118,8 +122,19 @@ typedef struct heddle_camera {
 HEDDLE_EXPORT heddle_status heddle_scene_create(heddle_host* host, heddle_scene** out);
 /* NULL is ignored. [main-thread] */
 HEDDLE_EXPORT void heddle_scene_destroy(heddle_scene* scene);
-/* Adds everything in a glTF 2.0 file (.gltf, .glb). On an error the scene is as before. [main-thread] */
+/* Adds everything in a glTF 2.0 file (.gltf, .glb), or applies a scene overlay (.toml). On an error the scene is as
+ * before. A file's first animation is in use, and posed at the scene's time. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_load(heddle_scene* scene, const char* path);
+#define HEDDLE_LOAD_TRUSTED 1u /* no limit, and files outside of the file's folder */
+typedef struct heddle_load_options {
+  uint32_t struct_size;
+  uint32_t flags;        /* HEDDLE_LOAD_* */
+  uint64_t memory_limit; /* bytes that loading may make, added up, which bounds its time too; 0: 4 GiB */
+} heddle_load_options;
+/* heddle_scene_load with limits of the caller's; without them a file is taken to come from a stranger. options may be
+ * NULL. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_load_with(heddle_scene* scene, const char* path,
+                                                   const heddle_load_options* options);
 /* Each adds one thing and gives its id, counted from 0 by kind. Names may be NULL. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_add_texture(heddle_scene* scene, const char* name,
                                                      const heddle_texture* texture, uint32_t* out_id);
@@ -134,9 +149,11 @@ HEDDLE_EXPORT heddle_status heddle_scene_add_light(heddle_scene* scene, const ch
                                                    uint32_t* out_id);
 HEDDLE_EXPORT heddle_status heddle_scene_add_camera(heddle_scene* scene, const char* name,
                                                     const heddle_camera* camera, uint32_t* out_id);
-/* Moves an instance; what it was counts as the last frame's place. [main-thread] */
+/* Moves an instance; where it was in the last frame is its previous place, however often it moves. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_instance(heddle_scene* scene, uint32_t id,
                                                       const double scene_from_object[16]);
+/* Changes a light; it keeps its id and name. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_set_light(heddle_scene* scene, uint32_t id, const heddle_light* light);
 /* Moves a camera. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_t id, const heddle_camera* camera);
 /* Which camera renders; HEDDLE_NONE: one made to see the whole scene. [main-thread] */
@@ -144,8 +161,33 @@ HEDDLE_EXPORT heddle_status heddle_scene_use_camera(heddle_scene* scene, uint32_
 /* The camera in use, as it would render a frame of this shape. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_get_camera(heddle_scene* scene, uint32_t width, uint32_t height,
                                                     heddle_camera* out);
-/* Counts, bounds, names of cameras, lights and materials, features, as JSON. [main-thread] */
+/* Counts, bounds, names of cameras, lights, materials and animations (with their durations), features, as JSON.
+ * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_describe(heddle_scene* scene, const char** out_json);
+
+#define HEDDLE_ANIMATION_LOOP 1u /* after its end the animation begins again; else it holds its last pose */
+/* Which animation of its file plays, counted over all loaded files in their order (describe lists them), with
+ * HEDDLE_ANIMATION_*; other files keep theirs. HEDDLE_NONE: every file is at rest. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_use_animation(heddle_scene* scene, uint32_t id, uint32_t flags);
+/* Poses what animations move (instances, skinned and morphed meshes, lights, cameras) at a time in seconds; heddle_render
+ * does it too. An animation holds its first and last keys outside of them. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_set_time(heddle_scene* scene, double time);
+
+/* All triangles of the scene in one list, as it is posed; for looking at, export and other programs. */
+typedef struct heddle_triangles {
+  uint32_t struct_size;
+  uint32_t vertex_count, triangle_count;
+  uint32_t reserved;
+  double origin[3];          /* positions are relative to this scene point */
+  const float* positions;    /* vertex_count x 3, metres */
+  const float* normals;      /* vertex_count x 3, unit */
+  const float* uvs;          /* vertex_count x 2, uv0 */
+  const uint32_t* indices;   /* triangle_count x 3, counter-clockwise from the front */
+  const uint32_t* materials; /* triangle_count, ids of materials */
+} heddle_triangles;
+/* The caller sets out->struct_size. The arrays are the scene's, valid until the next call or a change of the scene.
+ * [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_triangles(heddle_scene* scene, heddle_triangles* out);
 
 /* ---- Graph -------------------------------------------------------------------------------------------------------- */
 /* Reads a graph and applies settings "pass.technique=gtao", "pass.params.radius=1", "extent=[640,360]", "params.NAME=..."
@@ -178,8 +220,9 @@ typedef struct heddle_render_options {
   uint32_t reserved;
 } heddle_render_options;
 
-/* Renders one frame and waits for it; what moved since the last frame has then arrived. options may be NULL.
- * [main-thread] */
+/* Renders one frame and waits for it; what moved since the last frame has then arrived. The scene is posed at the
+ * options' time first; options may be NULL: no options, and the scene as it is posed. After a cut, and in
+ * a graph's first frame, nothing has moved. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene,
                                           const heddle_render_options* options);
 /* Renders `frames` frames from the first on, again and again: in every order of stages that declared accesses allow (each

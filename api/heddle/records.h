@@ -78,7 +78,7 @@ HEDDLE_UINT(id)               // stable while the scene lives; index in the scen
 HEDDLE_UINT(reserved_)
 HEDDLE_END_RECORD(HeddleLight)
 
-// --- HeddleMaterial: glTF's metallic-roughness model. 128 bytes. -----------------------------------------------------
+// --- HeddleMaterial: glTF's metallic-roughness model. 224 bytes. -----------------------------------------------------
 #define HEDDLE_ALPHA_OPAQUE 0u
 #define HEDDLE_ALPHA_MASK 1u
 #define HEDDLE_ALPHA_BLEND 2u
@@ -108,12 +108,18 @@ HEDDLE_UINT(texture_layer_4)      // the same for texture 4
 HEDDLE_UINT(texture_uv_sets)      // bit i: texture i uses uv1
 HEDDLE_UINT(texture_group)        // which set of texture arrays is bound for it: draws are merged by it
 HEDDLE_UINT(id)                   // index in the scene's order
-HEDDLE_FLOAT4(uv_rotation_scale)  // KHR_texture_transform, shared by the five: uv' = mat2(xy, zw) * uv + uv_offset
+HEDDLE_FLOAT4(uv_rotation_scale)  // KHR_texture_transform of texture 0: uv' = mat2(xy, zw) * uv + uv_offset
 HEDDLE_FLOAT2(uv_offset)
 HEDDLE_FLOAT2(reserved_)
+HEDDLE_FLOAT4(uv_rotation_scale_1) // of textures 1 to 4; an application that leaves one of them zero means texture 0's
+HEDDLE_FLOAT4(uv_rotation_scale_2)
+HEDDLE_FLOAT4(uv_rotation_scale_3)
+HEDDLE_FLOAT4(uv_rotation_scale_4)
+HEDDLE_FLOAT4(uv_offset_1_2)       // of textures 1 (xy) and 2 (zw)
+HEDDLE_FLOAT4(uv_offset_3_4)       // of textures 3 (xy) and 4 (zw)
 HEDDLE_END_RECORD(HeddleMaterial)
 
-// --- HeddleInstance: one placed mesh, as the GPU sees it this frame. 144 bytes. --------------------------------------
+// --- HeddleInstance: one placed mesh, as the GPU sees it this frame. 160 bytes. --------------------------------------
 HEDDLE_BEGIN_RECORD(HeddleInstance)
 HEDDLE_MAT4(rel_from_object)          // position_rel = rel_from_object * position; translation made in float64
 HEDDLE_MAT4(previous_rel_from_object) // last frame's place relative to THIS frame's origin
@@ -121,6 +127,10 @@ HEDDLE_UINT(material)
 HEDDLE_UINT(object)                   // id of the scene's instance
 HEDDLE_UINT(flags)                    // HEDDLE_SURFACE_*
 HEDDLE_UINT(flip)                     // 1: the transform mirrors (negative determinant), so front faces are clockwise
+HEDDLE_UINT(previous_vertex)          // plus a vertex's index (modulo 2^32): the same vertex in the last frame; 0: it is
+HEDDLE_UINT(reserved0_)               // where it was, in its object
+HEDDLE_UINT(reserved1_)
+HEDDLE_UINT(reserved2_)
 HEDDLE_END_RECORD(HeddleInstance)
 #define HEDDLE_SURFACE_OPAQUE 1u
 #define HEDDLE_SURFACE_MASKED 2u

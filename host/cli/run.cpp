@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <fstream>
 #include <memory>
+#include <optional>
 
 namespace heddle::cli {
 
@@ -30,7 +31,27 @@ struct RunArguments : RenderArguments {
   std::vector<std::string> outputs;
   std::string stats;
   bool profile = false;
+  double time_step = 1.0 / 60.0;
 };
+
+/// Where "frame_%04d.png" has its number: from the % to behind the d, with at most two digits between; nothing for a
+/// file of one frame.
+std::optional<std::pair<std::size_t, std::size_t>> number_place(const std::string& file) {
+  const std::size_t percent = file.find('%');
+  if (percent == std::string::npos) return std::nullopt;
+  const std::size_t end = file.find_first_not_of("0123456789", percent + 1);
+  if (end == std::string::npos || file[end] != 'd' || end - percent > 3) return std::nullopt;
+  return std::pair(percent, end + 1);
+}
+
+std::filesystem::path frame_file(const std::filesystem::path& file, int frame) {
+  const std::string text = file.string();
+  const auto place = number_place(text);
+  if (!place) return file;
+  const auto [first, last] = *place;
+  const int width = last - first > 2 ? std::stoi(text.substr(first + 1, last - first - 2)) : 0;
+  return text.substr(0, first) + fmt::format("{:0{}}", frame, width) + text.substr(last);
+}
 
 void print_stages(const Json& stats) {
   fmt::print("{:<16} {:<16} {:>10} {:>10}\n", "pass", "stage", "wall ms", "CPU ms");
@@ -64,12 +85,20 @@ int run(RunArguments& arguments) {
   const Owned<heddle_scene> scene = load_scene(host.get(), arguments);
   heddle_render_options options{};
   options.struct_size = sizeof options;
-  options.time = arguments.time;
   options.seed = arguments.seed;
+  options.time_step = arguments.time_step;
   const char* text = nullptr;
   for (int frame = 0; frame < arguments.frames; ++frame) {
-    options.flags = arguments.profile && frame + 1 == arguments.frames ? HEDDLE_RENDER_PROFILE : 0U;
+    const bool is_last = frame + 1 == arguments.frames;
+    options.time = arguments.time + frame * arguments.time_step;
+    options.flags = arguments.profile && is_last ? HEDDLE_RENDER_PROFILE : 0U;
     check(host.get(), heddle_render(graph.get(), scene.get(), &options));
+    for (const Output& output : outputs) {
+      if (!is_last && !number_place(output.file.string())) continue;
+      const std::filesystem::path file = frame_file(output.file, frame);
+      write_port(host.get(), graph.get(), output.port, file);
+      say(arguments.host, fmt::format("wrote {}", file.string()));
+    }
   }
   if (arguments.host.check)
     say(arguments.host,
@@ -78,10 +107,6 @@ int run(RunArguments& arguments) {
                     arguments.frames));
   check(host.get(), heddle_stats(graph.get(), &text));
   const std::string stats = text;
-  for (const Output& output : outputs) {
-    write_port(host.get(), graph.get(), output.port, output.file);
-    say(arguments.host, fmt::format("wrote {}", output.file.string()));
-  }
   if (!arguments.stats.empty()) {
     if (arguments.stats == "-") {
       fmt::print("{}\n", stats);
@@ -108,9 +133,11 @@ void add_run(CLI::App& app, int* exit_status) {
   command
       ->add_option(
           "--output,-o", arguments->outputs,
-          "FILE for the graph's output, or PASS.PORT=FILE for any image port; .exr keeps floats (default: heddle.png)")
+          "FILE for the graph's output, or PASS.PORT=FILE for any image port; .exr keeps floats; "
+          "of several frames the last, or each if FILE has a number's place: frame_%04d.png (default: heddle.png)")
       ->take_all()
       ->allow_extra_args(false);
+  command->add_option("--time-step", arguments->time_step, "seconds of scene time from frame to frame (default: 1/60)");
   command->add_option("--stats", arguments->stats, "write counters, memory and times as JSON; - for standard output");
   command->add_flag("--profile", arguments->profile, "time the last frame stage by stage");
   command->add_flag(

@@ -33,8 +33,23 @@ std::filesystem::path shipped_graph(const std::string& name) {
          (name.ends_with(".toml") ? name : name + ".toml");
 }
 
+/// Index of what was asked for by name or number.
+std::uint32_t choose(const std::vector<std::string>& names, const std::string& wanted, std::string_view kind) {
+  auto found = std::find(names.begin(), names.end(), wanted);
+  if (found == names.end() && wanted.find_first_not_of("0123456789") == std::string::npos) {
+    const unsigned long index = std::strtoul(wanted.c_str(), nullptr, 10);
+    if (index < names.size()) found = names.begin() + static_cast<std::ptrdiff_t>(index);
+  }
+  if (found == names.end()) {
+    throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: the scene has no {} '{}'\n  expected: {}", kind, wanted,
+                                                names.empty() ? fmt::format("no --{}: the scene has none", kind)
+                                                              : fmt::format("one of {}", fmt::join(names, ", ")))};
+  }
+  return static_cast<std::uint32_t>(found - names.begin());
+}
+
 bool is_scene(const std::string& file) {
-  return file.ends_with(".gltf") || file.ends_with(".glb") || file.ends_with(".py");
+  return file.ends_with(".gltf") || file.ends_with(".glb") || file.ends_with(".py") || file.ends_with(".scene.toml");
 }
 
 }  // namespace
@@ -67,15 +82,23 @@ void RenderArguments::add_to(CLI::App& app) {
   host.add_to(app);
   app.add_option(
       "files", files,
-      "a graph (file, or the name of a shipped one; default: deferred) and a scene (.gltf, .glb, .py), in any "
-      "order");
-  app.add_option("--scene", scene, "the scene: .gltf, .glb or .py");
+      "a graph (file, or the name of a shipped one; default: deferred) and a scene (.gltf, .glb, .py, .scene.toml), in "
+      "any order");
+  app.add_option("--scene", scene, "the scene: .gltf, .glb, .py or .scene.toml");
+  app.add_option("--overlay", overlays, "a .scene.toml with changes to the scene; several in their order")
+      ->take_all()
+      ->allow_extra_args(false);
   app.add_option("--camera", camera, "name or number of one of the scene's cameras");
   app.add_option("--set", settings, "change the graph: ao.technique=gtao, ao.params.radius=1, extent=[640,360]")
       ->take_all()
       ->allow_extra_args(false);
   app.add_option("--frames", frames, "how many frames")->check(CLI::Range(1, 1000000));
   app.add_option("--time", time, "scene time of the first frame, seconds");
+  app.add_option("--animation", animation,
+                 "name or number of the animation to play, or none (default: each file's first one)");
+  app.add_flag("--loop", loop, "begin the animation again after its end; else its last pose holds");
+  app.add_flag("--trust-files", trust_files,
+               "load the scene without limits of memory, also files outside of its folder");
   app.add_option("--seed", seed, "seed of everything random");
 }
 
@@ -111,26 +134,28 @@ Owned<heddle_scene> load_scene(heddle_host* host, const RenderArguments& argumen
   heddle_scene* made = nullptr;
   check(host, heddle_scene_create(host, &made));
   Owned<heddle_scene> loaded(made);
-  if (!arguments.scene.empty()) check(host, heddle_scene_load(loaded.get(), arguments.scene.c_str()));
+  heddle_load_options options{};
+  options.struct_size = sizeof options;
+  options.flags = arguments.trust_files ? HEDDLE_LOAD_TRUSTED : 0U;
+  std::vector<std::string> files = arguments.overlays;
+  if (!arguments.scene.empty()) files.insert(files.begin(), arguments.scene);
+  for (const std::string& file : files) check(host, heddle_scene_load_with(loaded.get(), file.c_str(), &options));
   const char* text = nullptr;
   check(host, heddle_scene_describe(loaded.get(), &text));
   const Json description = parse_json(text);
   const auto cameras = description.value("cameras", std::vector<std::string>{});
   if (!arguments.camera.empty()) {
-    auto found = std::find(cameras.begin(), cameras.end(), arguments.camera);
-    if (found == cameras.end() && arguments.camera.find_first_not_of("0123456789") == std::string::npos) {
-      const unsigned long index = std::strtoul(arguments.camera.c_str(), nullptr, 10);
-      if (index < cameras.size()) found = cameras.begin() + static_cast<std::ptrdiff_t>(index);
-    }
-    if (found == cameras.end()) {
-      throw Failure{HEDDLE_BAD_INPUT,
-                    fmt::format("error: the scene has no camera '{}'\n  expected: {}", arguments.camera,
-                                cameras.empty() ? "no --camera: the scene has none"
-                                                : fmt::format("one of {}", fmt::join(cameras, ", ")))};
-    }
-    check(host, heddle_scene_use_camera(loaded.get(), static_cast<std::uint32_t>(found - cameras.begin())));
-  } else if (!cameras.empty()) {
-    check(host, heddle_scene_use_camera(loaded.get(), 0));
+    check(host, heddle_scene_use_camera(loaded.get(), choose(cameras, arguments.camera, "camera")));
+  }
+  std::vector<std::string> animations;
+  for (const auto& animation : description["animations"]) animations.push_back(animation["name"].get<std::string>());
+  const std::uint32_t flags = arguments.loop ? HEDDLE_ANIMATION_LOOP : 0U;
+  if (arguments.animation == "none") {
+    check(host, heddle_scene_use_animation(loaded.get(), HEDDLE_NONE, 0));
+  } else if (!arguments.animation.empty() || (arguments.loop && !animations.empty())) {
+    const std::uint32_t chosen =
+        arguments.animation.empty() ? 0U : choose(animations, arguments.animation, "animation");
+    check(host, heddle_scene_use_animation(loaded.get(), chosen, flags));
   }
   return loaded;
 }

@@ -46,11 +46,15 @@ struct RenderArguments {
   HostArguments host;
   std::vector<std::string> files;  // a graph and a scene, in any order
   std::string scene;
+  std::vector<std::string> overlays;
   std::string camera;
   std::vector<std::string> settings;  // --set
   int frames = 1;
   std::uint64_t seed = 0;
   double time = 0;
+  std::string animation;
+  bool loop = false;
+  bool trust_files = false;
   void add_to(CLI::App& app);
   /// Sorts `files` into graph and scene; finds shipped graphs by name. Throws Failure.
   void sort_files();

@@ -138,7 +138,7 @@ Image read(const std::filesystem::path& file) {
   return image;
 }
 
-Image8 decode8(std::span<const std::byte> file_bytes, std::string_view name) {
+Image8 decode8(std::span<const std::byte> file_bytes, std::string_view name, std::uint64_t maximum_texels) {
   const char* extension = extension_of(file_bytes);
   if (*extension == '\0') {
     throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
@@ -151,8 +151,8 @@ Image8 decode8(std::span<const std::byte> file_bytes, std::string_view name) {
   const heddle_image_module& images = module();
   heddle_image_pixels pixels{};
   Reason reason{};
-  if (const heddle_status status =
-          images.decode8(file_bytes.data(), file_bytes.size(), extension, &pixels, reason.data(), reason.size());
+  if (const heddle_status status = images.decode8(file_bytes.data(), file_bytes.size(), extension, maximum_texels,
+                                                  &pixels, reason.data(), reason.size());
       status != HEDDLE_OK) {
     fail(status, name, "the image cannot be decoded", reason);
   }

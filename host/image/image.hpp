@@ -23,7 +23,8 @@ struct Image8 {
   std::uint32_t width = 0, height = 0;
   std::vector<std::uint8_t> rgba;
 };
-Image8 decode8(std::span<const std::byte> file_bytes, std::string_view name);
+/// More than `maximum_texels` are an error before memory is taken for them.
+Image8 decode8(std::span<const std::byte> file_bytes, std::string_view name, std::uint64_t maximum_texels = 1ULL << 28);
 /// Under a temporary name, then renamed. .exr: float32; .png, .jpg ...: 8 bits, values clamped to 0..1 and rounded.
 void write(const std::filesystem::path& file, const Image& image);
 

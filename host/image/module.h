@@ -8,7 +8,7 @@
 
 HEDDLE_BEGIN_C
 
-#define HEDDLE_IMAGE_MODULE_REVISION 1u
+#define HEDDLE_IMAGE_MODULE_REVISION 2u
 
 /* Pixels made by the module, top row first, tightly packed; given back through `release`. */
 typedef struct heddle_image_pixels {
@@ -21,9 +21,10 @@ typedef struct heddle_image_module {
   uint32_t struct_size;
   uint32_t revision; /* HEDDLE_IMAGE_MODULE_REVISION */
   heddle_status (*read)(const char* path, heddle_image_pixels* out, char* error, size_t error_size);
-  /* Bytes of a whole file, its kind known by `extension` ("png"); four channels. */
-  heddle_status (*decode8)(const void* bytes, size_t size, const char* extension, heddle_image_pixels* out, char* error,
-                           size_t error_size);
+  /* Bytes of a whole file, its kind known by `extension` ("png"); four channels. Refuses more than maximum_texels before
+   * it takes memory for them. */
+  heddle_status (*decode8)(const void* bytes, size_t size, const char* extension, uint64_t maximum_texels,
+                           heddle_image_pixels* out, char* error, size_t error_size);
   /* is_float: float samples in `data` and in the file; else uint8_t. The kind of file is the path's extension. */
   heddle_status (*write)(const char* path, uint32_t width, uint32_t height, uint32_t channels, uint32_t is_float,
                          const void* data, char* error, size_t error_size);

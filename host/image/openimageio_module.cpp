@@ -89,8 +89,8 @@ heddle_status read(const char* path, heddle_image_pixels* out, char* error, size
   });
 }
 
-heddle_status decode8(const void* bytes, size_t size, const char* extension, heddle_image_pixels* out, char* error,
-                      size_t error_size) {
+heddle_status decode8(const void* bytes, size_t size, const char* extension, std::uint64_t maximum_texels,
+                      heddle_image_pixels* out, char* error, size_t error_size) {
   return guard(error, error_size, [&] {
     OIIO::Filesystem::IOMemReader reader(const_cast<void*>(bytes), size);
     OIIO::ImageSpec config = as_stored();
@@ -107,6 +107,11 @@ heddle_status decode8(const void* bytes, size_t size, const char* extension, hed
     }
     const auto width = static_cast<std::uint32_t>(spec.width), height = static_cast<std::uint32_t>(spec.height);
     const size_t texels = size_t{width} * height;
+    if (texels > maximum_texels) {
+      return fail(error, error_size,
+                  std::to_string(width) + " x " + std::to_string(height) + " pixels, of at most " +
+                      std::to_string(maximum_texels) + " that there is room for");
+    }
     const auto channels = static_cast<size_t>(std::min(spec.nchannels, 4));
     std::unique_ptr<std::uint8_t, decltype(&std::free)> pixels(static_cast<std::uint8_t*>(std::malloc(texels * 4)),
                                                                &std::free);

@@ -65,7 +65,8 @@ Mesh make_mesh(const heddle_mesh& given, std::string name, std::uint32_t materia
   }
   const bool has_normal_map = material.textures[HEDDLE_TEXTURE_NORMAL] != HEDDLE_NONE;
   const std::uint32_t uv_set = (material.record.texture_uv_sets >> HEDDLE_TEXTURE_NORMAL) & 1U;
-  return build_mesh(std::move(name), material_index, std::move(attributes), has_normal_map ? uv_set : HEDDLE_NONE);
+  return build_mesh(std::move(name), material_index, std::move(attributes), has_normal_map ? uv_set : HEDDLE_NONE,
+                    texture_transform(material.record, HEDDLE_TEXTURE_NORMAL).matrix);
 }
 
 }  // namespace heddle::scene

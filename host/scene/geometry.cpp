@@ -29,6 +29,7 @@ void unindex(Attributes& attributes) {
   expand(attributes.uvs[0]);
   expand(attributes.uvs[1]);
   expand(attributes.colors);
+  expand(attributes.sources);
   for (std::size_t i = 0; i < attributes.indices.size(); ++i) {
     attributes.indices[i] = static_cast<std::uint32_t>(i);
   }
@@ -91,7 +92,8 @@ double angle_at(const glm::dvec3& at, const glm::dvec3& to, const glm::dvec3& ot
   return std::atan2(glm::length(glm::cross(a, b)), glm::dot(a, b));
 }
 
-void make_tangents(Attributes& attributes, std::uint32_t uv_set) {
+void make_tangents(Attributes& attributes, std::uint32_t uv_set, const std::array<float, 4>& uv_matrix) {
+  const glm::dmat2 image_from_uv(uv_matrix[0], uv_matrix[1], uv_matrix[2], uv_matrix[3]);
   const std::vector<glm::vec2>& uv = attributes.uvs.at(uv_set);
   const std::size_t triangles = attributes.indices.size() / 3;
   struct Group {
@@ -109,7 +111,7 @@ void make_tangents(Attributes& attributes, std::uint32_t uv_set) {
     for (std::size_t k = 0; k < 3; ++k) {
       const std::uint32_t index = attributes.indices[triangle * 3 + k];
       p[k] = attributes.positions[index];
-      t[k] = uv[index];
+      t[k] = image_from_uv * glm::dvec2(uv[index]);
     }
     const TriangleFrame frame = frame_of(p, t);
     is_mirrored[triangle] = frame.is_mirrored ? 1 : 0;
@@ -163,6 +165,7 @@ void make_tangents(Attributes& attributes, std::uint32_t uv_set) {
         repeat(attributes.uvs[0]);
         repeat(attributes.uvs[1]);
         repeat(attributes.colors);
+        repeat(attributes.sources);
         turn.push_back(kUnset);
       }
       index = entry->second;
@@ -207,7 +210,7 @@ glm::dmat3 normal_matrix(const glm::dmat3& m) {
   return glm::determinant(m) < 0 ? -cofactors : cofactors;
 }
 
-Mesh build_mesh(std::string name, std::uint32_t material, Attributes attributes, std::uint32_t tangent_uv_set) {
+void complete(Attributes& attributes, std::uint32_t tangent_uv_set, const std::array<float, 4>& uv_matrix) {
   if (attributes.normals.empty()) {
     make_flat_normals(attributes);
   }
@@ -215,8 +218,17 @@ Mesh build_mesh(std::string name, std::uint32_t material, Attributes attributes,
     normal = unit_or(normal, glm::vec3(0, 1, 0));
   }
   if (attributes.tangents.empty() && tangent_uv_set < 2 && !attributes.uvs[tangent_uv_set].empty()) {
-    make_tangents(attributes, tangent_uv_set);
+    make_tangents(attributes, tangent_uv_set, uv_matrix);
   }
+}
+
+Mesh build_mesh(std::string name, std::uint32_t material, Attributes attributes, std::uint32_t tangent_uv_set,
+                const std::array<float, 4>& uv_matrix) {
+  complete(attributes, tangent_uv_set, uv_matrix);
+  return pack(std::move(name), material, std::move(attributes));
+}
+
+Mesh pack(std::string name, std::uint32_t material, Attributes attributes) {
   Mesh mesh;
   mesh.name = std::move(name);
   mesh.material = material;

@@ -5,102 +5,17 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "scene/gltf_materials.hpp"
 #include "scene/gltf_meshes.hpp"
+#include "scene/gltf_rig.hpp"
+#include "scene/pose.hpp"
 
 namespace heddle::scene {
 namespace gltf {
 namespace {
-
-glm::dmat4 local_matrix(const Document& document, std::size_t index) {
-  const tinygltf::Node& node = document.model.nodes[index];
-  const auto check = [&](const std::vector<double>& values, std::size_t size, const char* name) {
-    if (!values.empty() && values.size() != size) {
-      document.fail(fmt::format("node {} '{}': its {} has the wrong length", index, node.name, name),
-                    fmt::format("{}", values.size()), fmt::format("{}", size));
-    }
-    if (!std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); })) {
-      document.fail(fmt::format("node {} '{}': its {} is not finite", index, node.name, name));
-    }
-    return !values.empty();
-  };
-  glm::dmat4 matrix(1.0);
-  if (check(node.matrix, 16, "matrix")) {
-    for (int i = 0; i < 16; ++i) {
-      matrix[i / 4][i % 4] = node.matrix[static_cast<std::size_t>(i)];
-    }
-    if (matrix[0][3] != 0 || matrix[1][3] != 0 || matrix[2][3] != 0 || matrix[3][3] != 1) {
-      document.fail(fmt::format("node {} '{}': its matrix is not affine", index, node.name),
-                    fmt::format("last row {}, {}, {}, {}", matrix[0][3], matrix[1][3], matrix[2][3], matrix[3][3]),
-                    "0, 0, 0, 1");
-    }
-    return matrix;
-  }
-  if (check(node.rotation, 4, "rotation")) {
-    const glm::dquat rotation(node.rotation[3], node.rotation[0], node.rotation[1], node.rotation[2]);
-    const double length = glm::length(rotation);
-    matrix = length > 0 ? glm::mat4_cast(rotation / length) : matrix;
-  }
-  if (check(node.scale, 3, "scale")) {
-    for (int i = 0; i < 3; ++i) {
-      matrix[i] *= node.scale[static_cast<std::size_t>(i)];
-    }
-  }
-  if (check(node.translation, 3, "translation")) {
-    matrix[3] = glm::dvec4(node.translation[0], node.translation[1], node.translation[2], 1.0);
-  }
-  return matrix;
-}
-
-/// Places of all nodes, parents first; fails where the nodes are no forest.
-std::vector<glm::dmat4> node_matrices(const Document& document) {
-  const std::vector<tinygltf::Node>& nodes = document.model.nodes;
-  std::vector<std::uint8_t> has_parent(nodes.size(), 0);
-  for (std::size_t i = 0; i < nodes.size(); ++i) {
-    for (const int child : nodes[i].children) {
-      if (child < 0 || static_cast<std::size_t>(child) >= nodes.size()) {
-        document.fail(fmt::format("node {} '{}' has the child {}, which does not exist", i, nodes[i].name, child),
-                      fmt::format("{} nodes", nodes.size()));
-      }
-      if (std::exchange(has_parent[static_cast<std::size_t>(child)], std::uint8_t{1}) != 0) {
-        document.fail(fmt::format("node {} '{}' has two parents", child, nodes[static_cast<std::size_t>(child)].name));
-      }
-    }
-  }
-  std::vector<glm::dmat4> matrices(nodes.size(), glm::dmat4(1.0));
-  std::vector<std::size_t> pending;
-  std::size_t reached = 0;
-  for (std::size_t i = nodes.size(); i-- > 0;) {
-    if (has_parent[i] == 0) {
-      matrices[i] = local_matrix(document, i);
-      pending.push_back(i);
-    }
-  }
-  while (!pending.empty()) {
-    const std::size_t node = pending.back();
-    pending.pop_back();
-    ++reached;
-    for (const int child : nodes[node].children) {
-      const auto index = static_cast<std::size_t>(child);
-      matrices[index] = matrices[node] * local_matrix(document, index);
-      for (int column = 0; column < 4; ++column) {
-        if (!std::isfinite(glm::dot(matrices[index][column], glm::dvec4(1.0)))) {
-          document.fail(fmt::format("node {} '{}': its place in the scene is not finite", child,
-                                    document.model.nodes[index].name));
-        }
-      }
-      pending.push_back(index);
-    }
-  }
-  // With one parent each, what no root reaches runs in a circle.
-  if (reached != nodes.size()) {
-    document.fail("the nodes contain a cycle", fmt::format("{} of {} nodes have a root", reached, nodes.size()),
-                  "a tree");
-  }
-  return matrices;
-}
 
 /// Nodes of the file's scene, in depth-first order of the file.
 std::vector<std::size_t> shown_nodes(const Document& document) {
@@ -150,17 +65,9 @@ std::vector<std::size_t> shown_nodes(const Document& document) {
   return shown;
 }
 
-/// Axes of a node made orthonormal and right-handed; looking along -Z stays, scale and shear go.
-glm::dmat3 rotation_part(const glm::dmat4& matrix) {
-  const auto unit_or = [](const glm::dvec3& vector, const glm::dvec3& otherwise) {
-    const double length = glm::length(vector);
-    return length > 0 ? vector / length : otherwise;
-  };
-  const glm::dvec3 z = unit_or(glm::dvec3(matrix[2]), {0, 0, 1});
-  const glm::dvec3 helper = std::abs(z.y) < 0.9 ? glm::dvec3(0, 1, 0) : glm::dvec3(1, 0, 0);
-  const glm::dvec3 x = unit_or(glm::cross(glm::dvec3(matrix[1]), z), unit_or(glm::cross(helper, z), {1, 0, 0}));
-  return {x, glm::cross(z, x), z};
-}
+// What an instance costs with its names and places, and a vertex with the attributes that it is made of: what the
+// structures hold, rounded up.
+constexpr std::uint64_t kInstanceBytes = 512, kVertexBytes = 256;
 
 class FileImport {
  public:
@@ -168,19 +75,28 @@ class FileImport {
       : document_(std::move(document)), scene_(scene), materials_(document_, scene) {}
 
   void run() {
-    const std::vector<glm::dmat4> matrices = node_matrices(document_);
+    rig_ = import_rig(document_);
+    is_moving_ = rig_.moving_nodes();
+    is_morphing_ = rig_.morphing_nodes();
+    rig_.animation = HEDDLE_NONE;
+    rest_ = rig_.pose(0);
     for (const std::size_t node : shown_nodes(document_)) {
-      import_mesh(node, matrices);
-      import_light(node, matrices[node]);
-      import_camera(node, matrices[node]);
+      import_mesh(node);
+      import_light(node, rest_.scene_from_node[node]);
+      import_camera(node, rest_.scene_from_node[node]);
     }
     materials_.decode_textures();
     scene_.warnings = std::move(document_.warnings);
     scene_.ignored_extensions = std::move(document_.ignored_extensions);
+    if (!rig_.animations.empty()) {
+      scene_.rigs.push_back(std::move(rig_));
+      scene_.use_animation(0, false);
+      scene_.settle();
+    }
   }
 
  private:
-  void import_mesh(std::size_t index, const std::vector<glm::dmat4>& matrices) {
+  void import_mesh(std::size_t index) {
     const tinygltf::Node& node = document_.model.nodes[index];
     if (node.mesh < 0) {
       return;
@@ -190,60 +106,88 @@ class FileImport {
                      fmt::format("{} meshes", document_.model.meshes.size()));
     }
     const auto mesh = static_cast<std::size_t>(node.mesh);
-    const tinygltf::Mesh& source = document_.model.meshes[mesh];
-    const std::vector<double>& weights = node.weights.empty() ? source.weights : node.weights;
-    std::vector<glm::dmat4> joints;
-    if (node.skin >= 0) {
-      joints = joint_matrices(document_, node.skin, matrices);
-    }
-    for (std::size_t i = 0; i < source.primitives.size(); ++i) {
-      glm::dmat4 scene_from_object = matrices[index];
-      const std::uint32_t id =
-          joints.empty() ? shared_mesh(mesh, i, weights) : skinned_mesh(mesh, i, weights, joints, scene_from_object);
-      if (id == HEDDLE_NONE) {
-        continue;
-      }
+    const std::size_t primitives = document_.model.meshes[mesh].primitives.size();
+    const std::uint32_t skin = node.skin < 0 ? HEDDLE_NONE : import_skin(document_, node.skin, rig_, skin_ids_);
+    for (std::size_t i = 0; i < primitives; ++i) {
+      document_.spend(kInstanceBytes, fmt::format("node {} '{}'", index, node.name));
       Instance instance;
       instance.name = node.name.empty() ? fmt::format("node {}", index) : node.name;
-      instance.mesh = id;
-      instance.scene_from_object = instance.previous_scene_from_object = scene_from_object;
+      instance.scene_from_object = rest_.scene_from_node[index];
+      instance.mesh = skin == HEDDLE_NONE && is_morphing_[index] == 0
+                          ? shared_mesh(mesh, i, index)
+                          : own_mesh(mesh, i, index, skin, instance.scene_from_object);
+      if (instance.mesh == HEDDLE_NONE) {
+        continue;
+      }
+      instance.previous_scene_from_object = instance.scene_from_object;
+      const auto id = static_cast<std::uint32_t>(scene_.instances.size());
+      if (is_moving_[index] != 0 && !is_skinned_[instance.mesh]) {
+        rig_.instances.push_back({static_cast<std::uint32_t>(index), id});
+      }
       scene_.instances.push_back(std::move(instance));
     }
   }
 
-  /// Meshes without joints are made once, however many nodes show them.
-  std::uint32_t shared_mesh(std::size_t mesh, std::size_t primitive, const std::vector<double>& weights) {
-    const auto [entry, is_new] = meshes_.try_emplace({mesh, primitive, weights}, HEDDLE_NONE);
+  /// Meshes that do not bend are made once for equal morph weights, however many nodes show them.
+  std::uint32_t shared_mesh(std::size_t mesh, std::size_t index, std::size_t node) {
+    const std::vector<double>& weights = rig_.nodes[node].weights;
+    const auto [entry, is_new] = meshes_.try_emplace({mesh, index, weights}, HEDDLE_NONE);
     if (is_new) {
-      if (std::optional<Primitive> read = read_primitive(document_, mesh, primitive, weights)) {
-        entry->second = add(mesh, primitive, std::move(*read));
+      const bool is_morphed = std::any_of(weights.begin(), weights.end(), [](double weight) { return weight != 0; });
+      if (std::optional<Primitive> primitive = read_primitive(document_, mesh, index, is_morphed)) {
+        Deformation unused;
+        entry->second = add(mesh, index, std::move(*primitive), weights, {}, unused);
       }
     }
     return entry->second;
   }
 
-  /// The node's own place does not count for skinned meshes: the joints place the vertices in the scene. Large
-  /// translations stay in float64, in the instance.
-  std::uint32_t skinned_mesh(std::size_t mesh, std::size_t index, const std::vector<double>& weights,
-                             const std::vector<glm::dmat4>& joints, glm::dmat4& scene_from_object) {
-    std::optional<Primitive> primitive = read_primitive(document_, mesh, index, weights);
+  /// A mesh for this node alone. The node's own place does not count for skinned meshes: the joints place the vertices
+  /// in the scene. Large translations stay in float64, in the instance.
+  std::uint32_t own_mesh(std::size_t mesh, std::size_t index, std::size_t node, std::uint32_t skin,
+                         glm::dmat4& scene_from_object) {
+    const std::vector<double>& weights = rig_.nodes[node].weights;
+    const bool is_morphed = is_morphing_[node] != 0 ||
+                            std::any_of(weights.begin(), weights.end(), [](double weight) { return weight != 0; });
+    std::optional<Primitive> primitive = read_primitive(document_, mesh, index, is_morphed);
     if (!primitive) {
       return HEDDLE_NONE;
     }
-    if (primitive->influence.per_vertex == 0) {
+    std::vector<glm::dmat4> joints;
+    bool bends = is_morphing_[node] != 0;
+    if (skin != HEDDLE_NONE && primitive->influence.per_vertex == 0) {
       document_.warn(fmt::format("primitive {} of mesh {} '{}' is skinned but has no joints: its node places it", index,
                                  mesh, document_.model.meshes[mesh].name));
-      return add(mesh, index, std::move(*primitive));
+    } else if (skin != HEDDLE_NONE) {
+      document_.spend(rig_.skins[skin].joints.size() * sizeof(glm::dmat4), "joints of a skin");
+      joints = rig_.joint_matrices(rig_.skins[skin], rest_);
+      const std::vector<std::uint32_t>& nodes = rig_.skins[skin].joints;
+      bends |= std::any_of(nodes.begin(), nodes.end(), [&](std::uint32_t joint) { return is_moving_[joint] != 0; });
+      scene_from_object = glm::dmat4(1.0);
+      scene_from_object[3] = glm::dvec4(skin_origin(joints), 1.0);
     }
-    const glm::dvec3 origin = glm::round(glm::dvec3(joints.front()[3]));
-    apply_skin(document_, joints, origin, *primitive);
-    scene_from_object = glm::dmat4(1.0);
-    scene_from_object[3] = glm::dvec4(origin, 1.0);
-    return add(mesh, index, std::move(*primitive));
+    Deformation deformation;
+    deformation.node = static_cast<std::uint32_t>(node);
+    deformation.skin = joints.empty() ? HEDDLE_NONE : skin;
+    deformation.instance = static_cast<std::uint32_t>(scene_.instances.size());
+    const std::uint32_t id = add(mesh, index, std::move(*primitive), weights, joints, deformation);
+    if (id == HEDDLE_NONE) {
+      return id;
+    }
+    is_skinned_[id] = !joints.empty();
+    if (bends) {
+      deformation.mesh = id;
+      scene_.meshes[id].shape = scene_.meshes[id].previous_shape = 1;
+      rig_.deformations.push_back(std::move(deformation));
+    }
+    return id;
   }
 
-  std::uint32_t add(std::size_t mesh, std::size_t index, Primitive primitive) {
-    if (primitive.attributes.indices.empty()) {
+  /// Adds a mesh, bent as the file rests; `deformation` receives what it takes to bend it otherwise.
+  std::uint32_t add(std::size_t mesh, std::size_t index, Primitive primitive, std::span<const double> weights,
+                    std::span<const glm::dmat4> joints, Deformation& deformation) {
+    Attributes& attributes = primitive.attributes;
+    if (attributes.indices.empty()) {
       return HEDDLE_NONE;
     }
     const tinygltf::Mesh& source = document_.model.meshes[mesh];
@@ -257,8 +201,61 @@ class FileImport {
     if (look.textures[HEDDLE_TEXTURE_NORMAL] != HEDDLE_NONE) {
       tangent_uv_set = (look.record.texture_uv_sets >> HEDDLE_TEXTURE_NORMAL) & 1U;
     }
-    scene_.meshes.push_back(build_mesh(std::move(name), material, std::move(primitive.attributes), tangent_uv_set));
-    return static_cast<std::uint32_t>(scene_.meshes.size() - 1);
+    // Flat normals and split tangents make at most a vertex of every corner.
+    const std::size_t bound = std::max(attributes.positions.size(), attributes.indices.size());
+    document_.spend(bound * (kVertexBytes + primitive.targets.size() * sizeof(glm::vec3[3]) +
+                             primitive.influence.per_vertex * sizeof(std::uint64_t)),
+                    fmt::format("mesh '{}'", name));
+    const std::array<float, 4> uv_matrix = texture_transform(look.record, HEDDLE_TEXTURE_NORMAL).matrix;
+    const auto id = static_cast<std::uint32_t>(scene_.meshes.size());
+    is_skinned_.push_back(false);
+    if (joints.empty() && primitive.targets.empty()) {
+      scene_.meshes.push_back(build_mesh(std::move(name), material, std::move(attributes), tangent_uv_set, uv_matrix));
+      return id;
+    }
+    deformation.name = fmt::format("primitive {} of mesh {} '{}'", index, mesh, source.name);
+    deformation.has_flat_normals = attributes.normals.empty();
+    deformation.has_tangents = !attributes.normals.empty() && !attributes.tangents.empty();
+    attributes.sources.resize(attributes.positions.size());
+    std::iota(attributes.sources.begin(), attributes.sources.end(), 0U);
+    complete(attributes, tangent_uv_set, uv_matrix);
+    follow(primitive, deformation);
+    Mesh made = pack(std::move(name), material, std::move(attributes));
+    const glm::dvec3 origin = skin_origin(joints);
+    set_shape(deform(deformation, weights, joints, origin, made.indices, document_.file), deformation, made);
+    made.shape = 0;
+    made.previous_vertices = {};
+    scene_.meshes.push_back(std::move(made));
+    return id;
+  }
+
+  /// The arrays of a primitive in the order of its completed vertices.
+  static void follow(const Primitive& primitive, Deformation& deformation) {
+    const Attributes& attributes = primitive.attributes;
+    deformation.positions = attributes.positions;
+    deformation.normals = attributes.normals;
+    deformation.tangents = attributes.tangents;
+    const std::vector<std::uint32_t>& sources = attributes.sources;
+    const auto spread = [&](const std::vector<glm::vec3>& values) {
+      std::vector<glm::vec3> followed;
+      followed.reserve(values.empty() ? 0 : sources.size());
+      for (std::size_t i = 0; !values.empty() && i < sources.size(); ++i) {
+        followed.push_back(values[sources[i]]);
+      }
+      return followed;
+    };
+    for (const MorphTarget& target : primitive.targets) {
+      deformation.targets.push_back({spread(target.positions), spread(target.normals), spread(target.tangents)});
+    }
+    const Influence& given = primitive.influence;
+    Influence& made = deformation.influence;
+    made.per_vertex = given.per_vertex;
+    for (const std::uint32_t source : sources) {
+      const auto first = static_cast<std::ptrdiff_t>(source * given.per_vertex);
+      const auto last = first + static_cast<std::ptrdiff_t>(given.per_vertex);
+      made.joints.insert(made.joints.end(), given.joints.begin() + first, given.joints.begin() + last);
+      made.weights.insert(made.weights.end(), given.weights.begin() + first, given.weights.begin() + last);
+    }
   }
 
   void import_light(std::size_t index, const glm::dmat4& matrix) {
@@ -274,7 +271,7 @@ class FileImport {
     const tinygltf::Light& source = document_.model.lights[static_cast<std::size_t>(number)];
     Light light;
     light.name = !source.name.empty() ? source.name : !node.name.empty() ? node.name : fmt::format("light {}", number);
-    light.position = glm::dvec3(matrix[3]);
+    place_light(light, matrix);
     HeddleLight& record = light.record;
     if (source.type == "directional") {
       record.type = HEDDLE_LIGHT_DIRECTIONAL;
@@ -286,13 +283,10 @@ class FileImport {
       document_.fail(fmt::format("light '{}' is of an unknown type", light.name), source.type,
                      "directional, point or spot");
     }
-    const glm::dmat3 rotation = rotation_part(matrix);
     for (int i = 0; i < 3; ++i) {
       const auto channel = static_cast<std::size_t>(i);
       const double color = channel < source.color.size() ? source.color[channel] : 1.0;
       record.intensity[i] = static_cast<float>(color * source.intensity);
-      record.direction[i] = static_cast<float>(-rotation[2][i]);
-      record.tangent[i] = static_cast<float>(rotation[0][i]);
       if (!(record.intensity[i] >= 0) || !std::isfinite(record.intensity[i])) {
         document_.fail(fmt::format("light '{}': its colour times intensity is negative or not finite", light.name));
       }
@@ -306,6 +300,9 @@ class FileImport {
       record.cos_outer = static_cast<float>(std::cos(outer));
     }
     record.id = static_cast<std::uint32_t>(scene_.lights.size());
+    if (is_moving_[index] != 0) {
+      rig_.lights.push_back({static_cast<std::uint32_t>(index), record.id});
+    }
     scene_.lights.push_back(std::move(light));
   }
 
@@ -324,14 +321,7 @@ class FileImport {
     camera.name = !source.name.empty() ? source.name : !node.name.empty() ? node.name : fmt::format("node {}", index);
     heddle_camera& record = camera.record;
     record.struct_size = sizeof record;
-    const glm::dquat rotation = glm::normalize(glm::quat_cast(rotation_part(matrix)));
-    for (int i = 0; i < 3; ++i) {
-      record.position[i] = matrix[3][i];
-    }
-    record.rotation[0] = rotation.x;
-    record.rotation[1] = rotation.y;
-    record.rotation[2] = rotation.z;
-    record.rotation[3] = rotation.w;
+    place_camera(record, matrix);
     record.is_orthographic = source.type == "orthographic" ? 1 : 0;
     if (record.is_orthographic != 0) {
       record.vertical_angle = std::abs(source.orthographic.ymag);
@@ -347,76 +337,31 @@ class FileImport {
       document_.fail(fmt::format("camera '{}' has no proper angle or size", camera.name),
                      fmt::format("{}", record.vertical_angle), "greater than 0, and less than pi for perspective");
     }
+    if (is_moving_[index] != 0) {
+      rig_.cameras.push_back({static_cast<std::uint32_t>(index), static_cast<std::uint32_t>(scene_.cameras.size())});
+    }
     scene_.cameras.push_back(std::move(camera));
   }
 
   Document document_;
   Scene& scene_;
   MaterialImport materials_;
+  Rig rig_;
+  Rig::Pose rest_;
+  std::vector<std::uint8_t> is_moving_, is_morphing_;  // by node, in any animation
+  std::vector<std::uint32_t> skin_ids_;                // of the rig, by skin of the file
+  std::vector<bool> is_skinned_;                       // by mesh: joints place it
   std::map<std::tuple<std::size_t, std::size_t, std::vector<double>>, std::uint32_t> meshes_;
 };
-
-template <typename Element>
-void append(std::vector<Element>& to, std::vector<Element>& from) {
-  to.insert(to.end(), std::make_move_iterator(from.begin()), std::make_move_iterator(from.end()));
-}
-
-/// Moves a loaded scene behind another: indices shift, and nothing here can fail but memory.
-void merge(Scene& scene, Scene loaded) {
-  const auto textures = static_cast<std::uint32_t>(scene.textures.size());
-  const auto materials = static_cast<std::uint32_t>(scene.materials.size());
-  const auto meshes = static_cast<std::uint32_t>(scene.meshes.size());
-  const auto lights = static_cast<std::uint32_t>(scene.lights.size());
-  for (Material& material : loaded.materials) {
-    for (std::uint32_t& texture : material.textures) {
-      texture += texture == HEDDLE_NONE ? 0 : textures;
-    }
-    material.record.id += materials;
-  }
-  for (Mesh& mesh : loaded.meshes) {
-    mesh.material += materials;
-  }
-  for (Instance& instance : loaded.instances) {
-    instance.mesh += meshes;
-  }
-  for (Light& light : loaded.lights) {
-    light.record.id += lights;
-  }
-  scene.textures.reserve(scene.textures.size() + loaded.textures.size());
-  scene.materials.reserve(scene.materials.size() + loaded.materials.size());
-  scene.meshes.reserve(scene.meshes.size() + loaded.meshes.size());
-  scene.instances.reserve(scene.instances.size() + loaded.instances.size());
-  scene.lights.reserve(scene.lights.size() + loaded.lights.size());
-  scene.cameras.reserve(scene.cameras.size() + loaded.cameras.size());
-  scene.warnings.reserve(scene.warnings.size() + loaded.warnings.size());
-  scene.ignored_extensions.reserve(scene.ignored_extensions.size() + loaded.ignored_extensions.size());
-  if (scene.cameras.empty() && !loaded.cameras.empty()) {
-    scene.camera = 0;
-  }
-  append(scene.textures, loaded.textures);
-  append(scene.materials, loaded.materials);
-  append(scene.meshes, loaded.meshes);
-  append(scene.instances, loaded.instances);
-  append(scene.lights, loaded.lights);
-  append(scene.cameras, loaded.cameras);
-  append(scene.warnings, loaded.warnings);
-  for (std::string& extension : loaded.ignored_extensions) {
-    if (std::find(scene.ignored_extensions.begin(), scene.ignored_extensions.end(), extension) ==
-        scene.ignored_extensions.end()) {
-      scene.ignored_extensions.push_back(std::move(extension));
-    }
-  }
-  scene.content_revision = Scene::new_revision();
-  scene.motion_revision = Scene::new_revision();
-}
 
 }  // namespace
 }  // namespace gltf
 
-void load_gltf(Scene& scene, const std::filesystem::path& file) {
+void load_gltf(Scene& scene, const std::filesystem::path& file, const LoadLimits& limits) {
   Scene loaded;
-  gltf::FileImport(gltf::open_document(file), loaded).run();
-  gltf::merge(scene, std::move(loaded));
+  loaded.time = scene.time;
+  gltf::FileImport(gltf::open_document(file, limits), loaded).run();
+  merge(scene, std::move(loaded));
 }
 
 }  // namespace heddle::scene

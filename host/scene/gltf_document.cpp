@@ -28,6 +28,9 @@ bool is_known(std::string_view extension) {
   return std::find(kKnownExtensions.begin(), kKnownExtensions.end(), extension) != kKnownExtensions.end();
 }
 
+// What tinygltf makes of an object and of a value in the JSON, at most: a node is the largest.
+constexpr std::uint64_t kObjectBytes = 1024, kValueBytes = 64;
+
 std::vector<unsigned char> read_whole(const std::filesystem::path& file) {
   std::error_code error_code;
   const auto fail = [&](std::string_view message, heddle_status status = HEDDLE_BAD_INPUT) {
@@ -50,6 +53,16 @@ std::vector<unsigned char> read_whole(const std::filesystem::path& file) {
     fail("the file cannot be read");
   }
   return bytes;
+}
+
+/// Names of strangers in messages, and what tinygltf quotes of them: a data URI has millions of characters.
+std::string shortened(std::string text) {
+  constexpr std::size_t kLongest = 160;
+  if (text.size() > kLongest) {
+    text.resize(kLongest);
+    text += "...";
+  }
+  return text;
 }
 
 std::uint32_t word_at(std::span<const unsigned char> bytes, std::size_t offset) {
@@ -94,8 +107,10 @@ std::string_view check_container(const Document& document, std::span<const unsig
   return json;
 }
 
-void check_nesting(const Document& document, std::string_view json) {
+/// Refuses JSON that would take more than the parser's stack, or more memory than the file may.
+void check_json(const Document& document, std::string_view json) {
   std::uint32_t depth = 0;
+  std::uint64_t objects = 0, values = 0;
   bool in_string = false;
   for (std::size_t i = 0; i < json.size(); ++i) {
     const char c = json[i];
@@ -105,14 +120,67 @@ void check_nesting(const Document& document, std::string_view json) {
     } else if (c == '"') {
       in_string = true;
     } else if (c == '{' || c == '[') {
+      ++objects;
       if (++depth > kMaximumNesting) {
         document.fail("the JSON is nested too deeply", "", fmt::format("at most {} levels", kMaximumNesting));
       }
     } else if ((c == '}' || c == ']') && depth > 0) {
       --depth;
+    } else if (c == ',') {
+      ++values;
     }
   }
+  document.spend(json.size() + objects * kObjectBytes + values * kValueBytes, "the JSON");
 }
+
+/// What tinygltf asks of the file system, answered for the file's own folder alone.
+struct Folder {
+  const Document* document = nullptr;
+  std::filesystem::path path;  // of the file; empty: the working directory
+  std::string missing;         // the last file that was named and is not there
+
+  static Folder& of(void* user) { return *static_cast<Folder*>(user); }
+
+  /// tinygltf tries the folder, then the working directory, which is none of the file's business.
+  static bool exists(const std::string& tried, void* user) {
+    Folder& folder = of(user);
+    const std::string prefix = folder.path.empty() ? "" : folder.path.string();
+    if (!tried.starts_with(prefix) || (prefix.empty() && tried.starts_with("./"))) {
+      return false;
+    }
+    std::string name = tried.substr(prefix.size());
+    name.erase(0, name.find_first_not_of('/'));
+    const std::filesystem::path file = folder.path / name;
+    std::error_code error_code;
+    const std::filesystem::path real = std::filesystem::weakly_canonical(file, error_code);
+    const std::filesystem::path home =
+        std::filesystem::weakly_canonical(folder.path.empty() ? "." : folder.path, error_code);
+    const bool is_inside = std::mismatch(home.begin(), home.end(), real.begin(), real.end()).first == home.end();
+    if (!is_inside && !folder.document->limits.leaves_folder) {
+      folder.document->fail(fmt::format("the file names a file outside of its folder: '{}'", shortened(name)), "",
+                            "files beside it or below",
+                            "if you trust it, load it with HEDDLE_LOAD_TRUSTED, or with --trust-files on the command");
+    }
+    if (!std::filesystem::is_regular_file(file, error_code)) {
+      folder.missing = shortened(name);
+      return false;
+    }
+    return true;
+  }
+  static std::string expand(const std::string& path, void* /*user*/) { return path; }
+  static bool read(std::vector<unsigned char>* bytes, std::string* error, const std::string& path, void* user) {
+    std::error_code error_code;
+    const std::uintmax_t size = std::filesystem::file_size(path, error_code);
+    of(user).document->spend(error_code ? 0 : size, fmt::format("'{}'", shortened(path)));
+    try {
+      *bytes = read_whole(path);
+    } catch (const Error& thrown) {
+      *error = thrown.what();
+      return false;
+    }
+    return true;
+  }
+};
 
 /// Keeps the encoded bytes of images that are not in a buffer view: tinygltf takes the address of those that are
 /// without looking whether the view lies in its buffer (image_bytes does).
@@ -130,7 +198,7 @@ std::string one_line(std::string text) {
     text.pop_back();
   }
   std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
+  return shortened(std::move(text));
 }
 
 /// Bytes of `size` at `offset` in a buffer view; fails unless they lie in it, and it in its buffer.
@@ -271,7 +339,8 @@ std::vector<Value> read_elements(const Document& document, const tinygltf::Acces
     document.fail(fmt::format("{}: an accessor without data claims too many elements", what),
                   fmt::format("{}", accessor.count), fmt::format("at most {}", kMaximumZeros));
   }
-  std::vector<Value> values(checked_product(document, accessor.count, components, what));
+  document.spend(checked_product(document, accessor.count, components, what) * sizeof(Value), what);
+  std::vector<Value> values(accessor.count * components);
   if (data != nullptr) {
     for (std::size_t i = 0; i < accessor.count; ++i) {
       for (std::size_t c = 0; c < components; ++c) {
@@ -288,6 +357,7 @@ std::vector<Value> read_elements(const Document& document, const tinygltf::Acces
     document.fail(fmt::format("{}: the sparse part of the accessor is not valid", what));
   }
   const auto count = static_cast<std::size_t>(sparse.count);
+  document.spend(count * element, what);
   const std::size_t index_bytes = component_bytes(document, sparse.indices.componentType, what);
   const unsigned char* places =
       view_bytes(document, sparse.indices.bufferView, static_cast<std::size_t>(sparse.indices.byteOffset),
@@ -310,7 +380,24 @@ std::vector<Value> read_elements(const Document& document, const tinygltf::Acces
 
 }  // namespace
 
+void Document::spend(std::uint64_t bytes, std::string_view what) const {
+  if (bytes > bytes_left()) {
+    fail(fmt::format("{}: the file needs more memory than it may", what), "",
+         fmt::format("at most {} MiB in all", limits.bytes >> 20),
+         "if you trust it, load it with HEDDLE_LOAD_TRUSTED, or with --trust-files on the command");
+  }
+  spent_ += bytes;
+}
+
 void Document::warn(std::string text) {
+  // Beyond that many nobody reads them, and a hostile file has millions.
+  constexpr std::size_t kMaximumWarnings = 100;
+  if (warnings.size() == kMaximumWarnings) {
+    warnings.emplace_back("there are more warnings, which are left out");
+  }
+  if (warnings.size() > kMaximumWarnings) {
+    return;
+  }
   if (std::find(warnings.begin(), warnings.end(), text) == warnings.end()) {
     warnings.push_back(std::move(text));
   }
@@ -323,27 +410,40 @@ void Document::fail(std::string message, std::string found, std::string expected
           Severity::kError, {file, 0, 0}, std::move(message), std::move(found), std::move(expected), std::move(help)});
 }
 
-Document open_document(const std::filesystem::path& file) {
+Document open_document(const std::filesystem::path& file, const LoadLimits& limits) {
   Document document;
   document.file = file.string();
+  document.limits = limits;
+  std::error_code error_code;
+  if (const std::uintmax_t size = std::filesystem::file_size(file, error_code); !error_code) {
+    document.spend(size, "the file");
+  }
   const std::vector<unsigned char> bytes = read_whole(file);
   const auto size = static_cast<unsigned int>(bytes.size());
   const std::string_view text(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const bool is_binary = text.starts_with("glTF");
-  check_nesting(document, is_binary ? check_container(document, bytes) : text);
+  check_json(document, is_binary ? check_container(document, bytes) : text);
 
   tinygltf::TinyGLTF parser;
   parser.SetImageLoader(keep_encoded, nullptr);
+  Folder names{&document, file.parent_path(), {}};
+  parser.SetFsCallbacks({Folder::exists, Folder::expand, Folder::read, nullptr, &names});
   std::string error, warning;
-  const std::string folder = file.parent_path().string();
+  const std::string folder = names.path.string();
   bool is_parsed = false;
   try {
     is_parsed = is_binary ? parser.LoadBinaryFromMemory(&document.model, &error, &warning, bytes.data(), size, folder)
                           : parser.LoadASCIIFromString(&document.model, &error, &warning, text.data(), size, folder);
   } catch (const std::bad_alloc&) {
     throw;
+  } catch (const Error&) {
+    throw;
   } catch (const std::exception& exception) {
     error = exception.what();
+  }
+  if (!is_parsed && !names.missing.empty() && error.find("File not found") != std::string::npos) {
+    document.fail(fmt::format("the file names '{}', which is not there", names.missing), "",
+                  fmt::format("a file beside {}", document.file));
   }
   if (!is_parsed) {
     document.fail("the file is no valid glTF", one_line(error));

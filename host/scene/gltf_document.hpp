@@ -11,19 +11,28 @@ namespace heddle::scene::gltf {
 
 struct Document {
   std::string file;  // as the user named it, for messages
+  LoadLimits limits;
   tinygltf::Model model;
   std::vector<std::string> warnings;            // each once
   std::vector<std::string> ignored_extensions;  // used by the file, unknown here
 
   void warn(std::string text);
+  /// Counts bytes that are about to be made for `what`, and fails beyond the limit. Every byte costs time, so the limit
+  /// is one of time too; what is given back is not counted back.
+  void spend(std::uint64_t bytes, std::string_view what) const;
+  [[nodiscard]] std::uint64_t bytes_left() const { return limits.bytes - spent_; }
   /// Throws Error(HEDDLE_BAD_INPUT) at this file.
   [[noreturn]] void fail(std::string message, std::string found = {}, std::string expected = {},
                          std::string help = {}) const;
+
+ private:
+  mutable std::uint64_t spent_ = 0;
 };
 
 /// Reads .gltf or .glb (told apart by content), with its buffers and the encoded bytes of external images. Throws Error
-/// for files that cannot be read, are cut off, are not glTF 2.0 or require an unknown extension.
-Document open_document(const std::filesystem::path& file);
+/// for files that cannot be read, are cut off, are not glTF 2.0, require an unknown extension, or name files outside of
+/// their folder.
+Document open_document(const std::filesystem::path& file, const LoadLimits& limits);
 
 /// Encoded bytes of an image, wherever they are.
 std::span<const std::byte> image_bytes(const Document& document, std::size_t image);

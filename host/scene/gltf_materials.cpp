@@ -12,6 +12,9 @@
 namespace heddle::scene::gltf {
 namespace {
 
+constexpr double kDefaultIor = 1.5;  // KHR_materials_ior
+constexpr double kLargest = 3.0e38;  // that a float32 holds, with a digit to spare
+
 constexpr std::array<const char*, HEDDLE_TEXTURE_COUNT> kTextureNames = {"base colour", "metallic-roughness", "normal",
                                                                          "occlusion", "emissive"};
 
@@ -19,13 +22,6 @@ const tinygltf::Value* find(const tinygltf::ExtensionMap& extensions, const char
   const auto found = extensions.find(extension);
   return found == extensions.end() || !found->second.IsObject() ? nullptr : &found->second;
 }
-
-/// uv' = matrix * uv + offset of KHR_texture_transform.
-struct Transform {
-  std::array<float, 4> matrix{1, 0, 0, 1};  // columns
-  std::array<float, 2> offset{0, 0};
-  bool operator==(const Transform&) const = default;
-};
 
 std::array<double, 2> pair_of(const tinygltf::Value& object, const char* key, double otherwise) {
   std::array<double, 2> pair = {otherwise, otherwise};
@@ -42,8 +38,8 @@ std::array<double, 2> pair_of(const tinygltf::Value& object, const char* key, do
 /// "Counter-clockwise" is meant as seen in the image, whose v points down: u' = cos u + sin v, v' = cos v - sin u,
 /// after the scale. The matrix in the extension's first text turned the other way; the implementations agree on this
 /// one.
-Transform transform_of(const tinygltf::ExtensionMap& extensions) {
-  Transform transform;
+TextureTransform transform_of(const tinygltf::ExtensionMap& extensions) {
+  TextureTransform transform;
   if (const tinygltf::Value* object = find(extensions, "KHR_texture_transform")) {
     const std::array<double, 2> scale = pair_of(*object, "scale", 1.0), offset = pair_of(*object, "offset", 0.0);
     const double angle = extension_number(extensions, "KHR_texture_transform", "rotation", 0.0);
@@ -55,8 +51,23 @@ Transform transform_of(const tinygltf::ExtensionMap& extensions) {
   return transform;
 }
 
-float unit_range(double value) {
-  return static_cast<float>(std::clamp(value, 0.0, 1.0));
+/// A minifying filter without mips in its name shows the finest level alone.
+std::uint32_t filter_of(const tinygltf::Sampler& sampler) {
+  std::uint32_t filter = sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST ? HEDDLE_FILTER_NEAREST_MAGNIFIED : 0U;
+  switch (sampler.minFilter) {
+    case TINYGLTF_TEXTURE_FILTER_NEAREST:
+      return filter | HEDDLE_FILTER_NEAREST_MINIFIED | HEDDLE_FILTER_FINEST_LEVEL;
+    case TINYGLTF_TEXTURE_FILTER_LINEAR:
+      return filter | HEDDLE_FILTER_FINEST_LEVEL;
+    case TINYGLTF_TEXTURE_FILTER_NEAREST_MIPMAP_NEAREST:
+      return filter | HEDDLE_FILTER_NEAREST_MINIFIED | HEDDLE_FILTER_NEAREST_LEVEL;
+    case TINYGLTF_TEXTURE_FILTER_LINEAR_MIPMAP_NEAREST:
+      return filter | HEDDLE_FILTER_NEAREST_LEVEL;
+    case TINYGLTF_TEXTURE_FILTER_NEAREST_MIPMAP_LINEAR:
+      return filter | HEDDLE_FILTER_NEAREST_MINIFIED;
+    default:
+      return filter;
+  }
 }
 
 std::uint32_t wrap_of(int gltf_wrap) {
@@ -100,6 +111,7 @@ std::uint32_t MaterialImport::import_texture(int index, bool is_srgb) {
                    fmt::format("{} images", model.images.size()));
   }
   std::array<std::uint32_t, 2> wrap{0, 0};
+  std::uint32_t filter = 0;
   if (texture.sampler >= 0) {
     if (static_cast<std::size_t>(texture.sampler) >= model.samplers.size()) {
       document_.fail(fmt::format("texture {} uses sampler {}, which does not exist", index, texture.sampler),
@@ -107,43 +119,22 @@ std::uint32_t MaterialImport::import_texture(int index, bool is_srgb) {
     }
     const tinygltf::Sampler& sampler = model.samplers[static_cast<std::size_t>(texture.sampler)];
     wrap = {wrap_of(sampler.wrapS), wrap_of(sampler.wrapT)};
+    filter = filter_of(sampler);
   }
   const auto image = static_cast<std::size_t>(texture.source);
-  const auto [entry, is_new] =
-      textures_.try_emplace({image, is_srgb, wrap[0], wrap[1]}, static_cast<std::uint32_t>(scene_.textures.size()));
+  const auto [entry, is_new] = textures_.try_emplace({image, is_srgb, wrap[0], wrap[1], filter},
+                                                     static_cast<std::uint32_t>(scene_.textures.size()));
   if (is_new) {
     const tinygltf::Image& source = model.images[image];
     Texture added;
     added.name = !source.name.empty() ? source.name : !source.uri.empty() ? source.uri : fmt::format("image {}", image);
     added.is_srgb = is_srgb;
     added.wrap = wrap;
+    added.filter = filter;
     scene_.textures.push_back(std::move(added));
     uses_.push_back({image, entry->second});
   }
   return entry->second;
-}
-
-/// The record has one transform for all textures: the base colour's, or the first that a texture has.
-void MaterialImport::import_transforms(const std::array<const tinygltf::ExtensionMap*, HEDDLE_TEXTURE_COUNT>& infos,
-                                       const std::string& name, Material& material) {
-  Transform shared;
-  bool is_set = false;
-  for (std::size_t i = 0; i < HEDDLE_TEXTURE_COUNT; ++i) {
-    if (material.textures[i] == HEDDLE_NONE) {
-      continue;
-    }
-    const Transform own = transform_of(*infos[i]);
-    if (!is_set) {
-      shared = own;
-      is_set = true;
-    } else if (!(own == shared)) {
-      document_.warn(
-          fmt::format("material '{}': the {} texture has a transform of its own; the first texture's is used", name,
-                      kTextureNames[i]));
-    }
-  }
-  std::copy(shared.matrix.begin(), shared.matrix.end(), material.record.uv_rotation_scale);
-  std::copy(shared.offset.begin(), shared.offset.end(), material.record.uv_offset);
 }
 
 std::uint32_t MaterialImport::import(int index) {
@@ -161,23 +152,42 @@ std::uint32_t MaterialImport::import(int index) {
   material.name = index < 0 ? "default" : source.name.empty() ? fmt::format("material {}", index) : source.name;
   HeddleMaterial& record = material.record;
 
+  const auto in_range = [&](double value, double low, double high, const char* what) {
+    // Written so that NaN becomes the lower end.
+    const double clamped = value > low ? std::min(value, high) : low;
+    if (!(clamped == value)) {
+      document_.warn(
+          fmt::format("material '{}': its {} is {}, out of range: {} used", material.name, what, value, clamped));
+    }
+    return static_cast<float>(clamped);
+  };
+  const auto unit_range = [&](double value, const char* what) { return in_range(value, 0.0, 1.0, what); };
   for (std::size_t i = 0; i < 4; ++i) {
-    record.base_color[i] = i < pbr.baseColorFactor.size() ? unit_range(pbr.baseColorFactor[i]) : 1.0F;
+    record.base_color[i] = i < pbr.baseColorFactor.size() ? unit_range(pbr.baseColorFactor[i], "base colour") : 1.0F;
   }
   const double strength =
       extension_number(source.extensions, "KHR_materials_emissive_strength", "emissiveStrength", 1.0);
   for (std::size_t i = 0; i < 3; ++i) {
     const double factor = i < source.emissiveFactor.size() ? source.emissiveFactor[i] : 0.0;
-    record.emissive[i] = static_cast<float>(std::clamp(factor * strength, 0.0, 3.0e38));
+    record.emissive[i] = in_range(factor * strength, 0.0, kLargest, "emission");
   }
-  record.metalness = unit_range(pbr.metallicFactor);
-  record.roughness = unit_range(pbr.roughnessFactor);
+  record.metalness = unit_range(pbr.metallicFactor, "metalness");
+  record.roughness = unit_range(pbr.roughnessFactor, "roughness");
   record.normal_scale = static_cast<float>(source.normalTexture.scale);
-  record.occlusion_strength = unit_range(source.occlusionTexture.strength);
-  record.alpha_cutoff = static_cast<float>(source.alphaCutoff);
-  record.ior = static_cast<float>(extension_number(source.extensions, "KHR_materials_ior", "ior", 1.5));
-  record.transmission =
-      unit_range(extension_number(source.extensions, "KHR_materials_transmission", "transmissionFactor", 0.0));
+  record.occlusion_strength = unit_range(source.occlusionTexture.strength, "occlusion strength");
+  // A cutoff above 1 is legal: everything is a hole.
+  record.alpha_cutoff = in_range(source.alphaCutoff, 0.0, kLargest, "alpha cutoff");
+  double ior = extension_number(source.extensions, "KHR_materials_ior", "ior", kDefaultIor);
+  if (ior == 0) {
+    document_.warn(
+        fmt::format("material '{}': its index of refraction is 0, which reflects all light and is not known "
+                    "here: {} used",
+                    material.name, kDefaultIor));
+    ior = kDefaultIor;
+  }
+  record.ior = in_range(ior, 1.0, kLargest, "index of refraction");
+  record.transmission = unit_range(
+      extension_number(source.extensions, "KHR_materials_transmission", "transmissionFactor", 0.0), "transmission");
   if (const tinygltf::Value* transmission = find(source.extensions, "KHR_materials_transmission");
       transmission != nullptr && transmission->Has("transmissionTexture")) {
     document_.warn(
@@ -206,8 +216,16 @@ std::uint32_t MaterialImport::import(int index) {
   for (std::uint32_t i = 0; i < HEDDLE_TEXTURE_COUNT; ++i) {
     const bool is_srgb = i == HEDDLE_TEXTURE_BASE_COLOR || i == HEDDLE_TEXTURE_EMISSIVE;
     material.textures[i] = import_texture(textures[i], is_srgb);
+    const TextureTransform transform = transform_of(*infos[i]);
+    set_texture_transform(record, i, transform);
     if (material.textures[i] == HEDDLE_NONE) {
       continue;
+    }
+    const auto is_finite = [](float value) { return std::isfinite(value); };
+    if (!std::all_of(transform.matrix.begin(), transform.matrix.end(), is_finite) ||
+        !std::all_of(transform.offset.begin(), transform.offset.end(), is_finite)) {
+      document_.fail(
+          fmt::format("material '{}': the transform of its {} texture is not finite", material.name, kTextureNames[i]));
     }
     const double set = extension_number(*infos[i], "KHR_texture_transform", "texCoord", sets[i]);
     if (set == 1.0) {
@@ -218,12 +236,8 @@ std::uint32_t MaterialImport::import(int index) {
                       material.name, kTextureNames[i], set));
     }
   }
-  import_transforms(infos, material.name, material);
-
-  const std::array<float, 5> numbers = {record.alpha_cutoff, record.normal_scale, record.ior, record.uv_offset[0],
-                                        record.uv_offset[1]};
-  if (!std::all_of(numbers.begin(), numbers.end(), [](float value) { return std::isfinite(value); })) {
-    document_.fail(fmt::format("material '{}': a number is not finite", material.name));
+  if (!std::isfinite(record.normal_scale)) {
+    document_.fail(fmt::format("material '{}': the scale of its normal map is not finite", material.name));
   }
   const auto id = static_cast<std::uint32_t>(scene_.materials.size());
   record.id = id;
@@ -242,7 +256,10 @@ void MaterialImport::decode_textures() {
     }
     const std::string name =
         fmt::format("{}: image {} '{}'", document_.file, image, scene_.textures[uses_[first].texture].name);
-    image::Image8 decoded = image::decode8(image_bytes(document_, image), name);
+    // Each use keeps its own copy, 4 bytes a texel.
+    const std::uint64_t uses = end - first;
+    image::Image8 decoded = image::decode8(image_bytes(document_, image), name, document_.bytes_left() / 4 / uses);
+    document_.spend(decoded.rgba.size() * uses, name);
     for (std::size_t use = first; use < end; ++use) {
       Texture& texture = scene_.textures[uses_[use].texture];
       texture.width = decoded.width;

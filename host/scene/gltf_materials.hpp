@@ -25,13 +25,11 @@ class MaterialImport {
     std::uint32_t texture = 0;
   };
   std::uint32_t import_texture(int texture, bool is_srgb);
-  void import_transforms(const std::array<const tinygltf::ExtensionMap*, HEDDLE_TEXTURE_COUNT>& infos,
-                         const std::string& name, Material& material);
 
   Document& document_;
   Scene& scene_;
   std::map<int, std::uint32_t> materials_;
-  std::map<std::tuple<std::size_t, bool, std::uint32_t, std::uint32_t>, std::uint32_t> textures_;
+  std::map<std::tuple<std::size_t, bool, std::uint32_t, std::uint32_t, std::uint32_t>, std::uint32_t> textures_;
   std::vector<Use> uses_;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// glTF primitives -> posed triangle lists.
+// glTF primitives -> triangle lists at rest.
 #include "scene/gltf_meshes.hpp"
 
 #include <fmt/format.h>
@@ -125,35 +125,28 @@ class PrimitiveReader {
   std::string what_;
 };
 
-/// Adds weighted differences of a morph target to positions, normals and tangents.
-void apply_morph(const Document& document, const std::map<std::string, int>& target, float weight,
-                 std::string_view what, Attributes& attributes) {
-  const auto add = [&](const char* name, auto& values) {
+/// What a morph target adds to positions, normals and tangents.
+MorphTarget read_target(const Document& document, const std::map<std::string, int>& target, std::string_view what,
+                        std::size_t vertices) {
+  const auto read = [&](const char* name) {
     const auto found = target.find(name);
-    if (found == target.end() || values.empty()) {
-      return;
+    if (found == target.end()) {
+      return std::vector<glm::vec3>();
     }
     const std::string described = fmt::format("morph target's {} of {}", name, what);
-    const std::vector<glm::vec3> differences = read_vectors<glm::vec3>(document, found->second, described);
-    if (differences.size() != values.size()) {
+    std::vector<glm::vec3> differences = read_vectors<glm::vec3>(document, found->second, described);
+    if (differences.size() != vertices) {
       document.fail(fmt::format("{}: there are more or fewer than positions", described),
-                    fmt::format("{}", differences.size()), fmt::format("{}", values.size()));
+                    fmt::format("{}", differences.size()), fmt::format("{}", vertices));
     }
-    for (std::size_t i = 0; i < values.size(); ++i) {
-      for (int c = 0; c < 3; ++c) {
-        values[i][c] += weight * differences[i][c];
-      }
-    }
+    return differences;
   };
-  add("POSITION", attributes.positions);
-  add("NORMAL", attributes.normals);
-  add("TANGENT", attributes.tangents);
+  return {read("POSITION"), read("NORMAL"), read("TANGENT")};
 }
 
 }  // namespace
 
-std::optional<Primitive> read_primitive(Document& document, std::size_t mesh, std::size_t index,
-                                        std::span<const double> morph_weights) {
+std::optional<Primitive> read_primitive(Document& document, std::size_t mesh, std::size_t index, bool with_targets) {
   const tinygltf::Mesh& owner = document.model.meshes.at(mesh);
   const tinygltf::Primitive& source = owner.primitives.at(index);
   const PrimitiveReader reader(document, source, fmt::format("primitive {} of mesh {} '{}'", index, mesh, owner.name));
@@ -197,92 +190,10 @@ std::optional<Primitive> read_primitive(Document& document, std::size_t mesh, st
   }
   attributes.indices = to_triangles(document, source.mode, std::move(corners), reader.what());
 
-  for (std::size_t i = 0; i < std::min(morph_weights.size(), source.targets.size()); ++i) {
-    if (morph_weights[i] != 0.0) {
-      apply_morph(document, source.targets[i], static_cast<float>(morph_weights[i]), reader.what(), attributes);
-    }
+  for (std::size_t i = 0; with_targets && i < source.targets.size(); ++i) {
+    primitive.targets.push_back(read_target(document, source.targets[i], reader.what(), vertices));
   }
   return primitive;
-}
-
-std::vector<glm::dmat4> joint_matrices(const Document& document, int index,
-                                       std::span<const glm::dmat4> scene_from_node) {
-  const tinygltf::Model& model = document.model;
-  if (index < 0 || static_cast<std::size_t>(index) >= model.skins.size()) {
-    document.fail(fmt::format("there is no skin {}", index), fmt::format("{} skins", model.skins.size()));
-  }
-  const tinygltf::Skin& skin = model.skins[static_cast<std::size_t>(index)];
-  std::vector<glm::dmat4> matrices(skin.joints.size(), glm::dmat4(1.0));
-  if (skin.inverseBindMatrices >= 0) {
-    const std::string what = fmt::format("inverse bind matrices of skin {} '{}'", index, skin.name);
-    const std::vector<float> values = read_floats(document, skin.inverseBindMatrices, 16, what);
-    if (values.size() < matrices.size() * 16) {
-      document.fail(fmt::format("{}: there are fewer than joints", what), fmt::format("{}", values.size() / 16),
-                    fmt::format("{}", matrices.size()));
-    }
-    for (std::size_t i = 0; i < matrices.size() * 16; ++i) {
-      const auto element = static_cast<int>(i % 16);
-      matrices[i / 16][element / 4][element % 4] = values[i];
-    }
-  }
-  for (std::size_t i = 0; i < skin.joints.size(); ++i) {
-    const int node = skin.joints[i];
-    if (node < 0 || static_cast<std::size_t>(node) >= scene_from_node.size()) {
-      document.fail(fmt::format("joint {} of skin {} is node {}, which does not exist", i, index, node),
-                    fmt::format("{} nodes", scene_from_node.size()));
-    }
-    matrices[i] = scene_from_node[static_cast<std::size_t>(node)] * matrices[i];
-  }
-  return matrices;
-}
-
-void apply_skin(const Document& document, std::span<const glm::dmat4> joints, const glm::dvec3& origin,
-                Primitive& primitive) {
-  Attributes& attributes = primitive.attributes;
-  const Influence& influence = primitive.influence;
-  std::vector<std::uint8_t> is_mirrored(attributes.positions.size(), 0);
-  for (std::size_t vertex = 0; vertex < attributes.positions.size(); ++vertex) {
-    glm::dmat4 blended(0.0);
-    double sum = 0;
-    for (std::size_t i = 0; i < influence.per_vertex; ++i) {
-      const double weight = influence.weights[vertex * influence.per_vertex + i];
-      const std::uint32_t joint = influence.joints[vertex * influence.per_vertex + i];
-      if (weight == 0) {
-        continue;
-      }
-      if (joint >= joints.size()) {
-        document.fail("a vertex of a skinned mesh names a joint that does not exist", fmt::format("{}", joint),
-                      fmt::format("less than {}", joints.size()));
-      }
-      blended += joints[joint] * weight;
-      sum += weight;
-    }
-    // Weights of 8 bits do not sum to 1 exactly; a vertex without any follows the first joint.
-    blended = sum > 0 ? blended / sum : joints.front();
-    const glm::dvec3 position(blended * glm::dvec4(attributes.positions[vertex], 1.0));
-    attributes.positions[vertex] = glm::vec3(position - origin);
-    const glm::dmat3 linear(blended);
-    if (!attributes.normals.empty()) {
-      const glm::dvec3 normal = normal_matrix(linear) * glm::dvec3(attributes.normals[vertex]);
-      // Cofactors of small scales underflow in float32: the direction is what counts.
-      const double length = glm::length(normal);
-      attributes.normals[vertex] = length > 0 ? glm::vec3(normal / length) : attributes.normals[vertex];
-    }
-    is_mirrored[vertex] = glm::determinant(linear) < 0 ? 1 : 0;
-    if (!attributes.tangents.empty()) {
-      const glm::dvec3 tangent = linear * glm::dvec3(attributes.tangents[vertex]);
-      const double length = glm::length(tangent);
-      const float turn = is_mirrored[vertex] != 0 ? -attributes.tangents[vertex].w : attributes.tangents[vertex].w;
-      attributes.tangents[vertex] =
-          length > 0 ? glm::vec4(glm::vec3(tangent / length), turn) : attributes.tangents[vertex];
-    }
-  }
-  // Mirroring joints turn triangles over; the list is in scene axes, so its winding has to say front.
-  for (std::size_t i = 0; i + 2 < attributes.indices.size(); i += 3) {
-    if (is_mirrored[attributes.indices[i]] != 0) {
-      std::swap(attributes.indices[i + 1], attributes.indices[i + 2]);
-    }
-  }
 }
 
 }  // namespace heddle::scene::gltf

@@ -82,6 +82,10 @@ bool Scene::settle() {
     has_moved |= instance.previous_scene_from_object != instance.scene_from_object;
     instance.previous_scene_from_object = instance.scene_from_object;
   }
+  for (Mesh& mesh : meshes) {
+    has_moved |= mesh.previous_shape != mesh.shape;
+    mesh.previous_shape = mesh.shape;
+  }
   motion_revision += has_moved ? 1 : 0;
   return has_moved;
 }
@@ -113,7 +117,7 @@ std::array<glm::dvec3, 2> Scene::bounds() const {
 
 heddle_camera Scene::active_camera(std::uint32_t width, std::uint32_t height) const {
   const double aspect = static_cast<double>(std::max(width, 1U)) / static_cast<double>(std::max(height, 1U));
-  heddle_camera active = camera < cameras.size() ? cameras[camera].record : framing_camera(bounds(), aspect);
+  heddle_camera active = camera < cameras.size() ? cameras[camera].record : framing_camera(reach(), aspect);
   active.struct_size = sizeof active;
   active.aspect = active.aspect > 0 ? active.aspect : aspect;
   active.near_distance = active.near_distance > 0 ? active.near_distance : 0.01;
@@ -184,6 +188,14 @@ std::string Scene::describe_json() const {
   json["cameras"] = names_of(cameras);
   json["lights"] = names_of(lights);
   json["materials"] = names_of(materials);
+  json["animations"] = Json::array();
+  for (const Rig& rig : rigs) {
+    for (std::size_t i = 0; i < rig.animations.size(); ++i) {
+      json["animations"].push_back(
+          {{"name", rig.animations[i].name}, {"duration", rig.animations[i].duration}, {"in_use", rig.animation == i}});
+    }
+  }
+  json["time"] = time;
   json["features"] = features();
   json["warnings"] = warnings;
   json["ignored_extensions"] = ignored_extensions;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "diagnostics.hpp"
+#include "scene/rig.hpp"
 
 #include <heddle/heddle.h>
 
@@ -12,6 +13,7 @@
 #include <array>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -23,8 +25,23 @@ struct Texture {
   std::uint32_t width = 0, height = 0;
   bool is_srgb = false;  // decided by the materials that use it; a texture used as both is stored twice
   std::array<std::uint32_t, 2> wrap{0, 0};  // 0 repeat, 1 mirror, 2 clamp
+  std::uint32_t filter = 0;                 // HEDDLE_FILTER_*
   std::vector<std::uint8_t> rgba;           // top row first
 };
+
+/// KHR_texture_transform: uv' = matrix * uv + offset.
+struct TextureTransform {
+  std::array<float, 4> matrix{1, 0, 0, 1};  // columns
+  std::array<float, 2> offset{0, 0};
+  bool operator==(const TextureTransform&) const = default;
+};
+/// Of one texture of a material (HEDDLE_TEXTURE_*); a matrix that is all zero stands for the base colour's transform.
+TextureTransform texture_transform(const HeddleMaterial& record, std::uint32_t texture);
+void set_texture_transform(HeddleMaterial& record, std::uint32_t texture, const TextureTransform& transform);
+
+/// HEDDLE_SURFACE_* of what a material covers. Blended surfaces cast no shadow: a map cannot tell how much light
+/// passes.
+std::uint32_t surface_flags(const HeddleMaterial& material);
 
 struct Material {
   std::string name;
@@ -38,6 +55,11 @@ struct Mesh {
   std::vector<HeddleVertex> vertices;
   std::vector<std::uint32_t> indices;
   std::array<glm::vec3, 2> bounds{};  // object space
+
+  // A mesh that bends has a number for each of its shapes; `previous_vertices` are the last frame's where the two
+  // numbers differ, and mean nothing where they are equal. 0: never bends.
+  std::uint64_t shape = 0, previous_shape = 0;
+  std::vector<HeddleVertex> previous_vertices;
 };
 
 struct Instance {
@@ -67,6 +89,8 @@ class Scene {
   std::vector<Light> lights;
   std::vector<Camera> cameras;
   std::uint32_t camera = HEDDLE_NONE;  // in use
+  std::vector<Rig> rigs;               // of loaded files with animations
+  double time = 0;                     // seconds, that the rigs are posed at
 
   /// Counted up when meshes, materials, textures or the list of instances change / when instances only move. Every
   /// scene of a process starts far from all others, so caches need no other key.
@@ -77,6 +101,14 @@ class Scene {
   std::vector<std::string> warnings;
   std::vector<std::string> ignored_extensions;
 
+  /// Poses what animations move; the places and shapes of the last frame stay the previous ones. Nothing happens at the
+  /// time that the scene is posed at already. On an error the scene is as before.
+  void set_time(double seconds);
+  /// Which animation of its file plays, counted over all files, and whether it begins again after its end; HEDDLE_NONE:
+  /// all files are at rest. Poses anew.
+  void use_animation(std::uint32_t id, bool loops);
+  [[nodiscard]] std::size_t animation_count() const;
+
   /// After a frame: what moved has arrived, so the next frame's previous places are this one's. True if anything had
   /// moved (then motion_revision is new).
   bool settle();
@@ -85,17 +117,41 @@ class Scene {
   /// Scene-space bounds of all instances; {0,0} if empty.
   [[nodiscard]] std::array<glm::dvec3, 2> bounds() const;
   /// The camera in use for a frame of this shape; without one: a view of the whole scene, slightly from above and the
-  /// side, far enough to hold the bounding sphere.
+  /// side, far enough to hold the bounding sphere of all that the animations in use do.
   [[nodiscard]] heddle_camera active_camera(std::uint32_t width, std::uint32_t height) const;
   /// Facts that techniques can ask for: "surfaces", "lights", "masked", "blended", "emissive", "double_sided",
   /// "textures". Only what an instance shows counts.
   [[nodiscard]] std::vector<std::string> features() const;
   [[nodiscard]] std::string describe_json() const;
+
+ private:
+  void pose_rigs(double seconds);
+  /// Bounds of all instances over the animations in use: what the made-up camera shows does not depend on the time.
+  [[nodiscard]] std::array<glm::dvec3, 2> reach() const;
+  struct Reach {
+    std::uint64_t content_revision = 0;
+    std::vector<std::uint32_t> animations;
+    std::array<glm::dvec3, 2> bounds{};
+  };
+  mutable std::optional<Reach> reach_;
+};
+
+/// Direction and place of a light at a node; it shines along the node's -Z.
+void place_light(Light& light, const glm::dmat4& scene_from_node);
+
+/// Moves a scene behind another. Nothing here can fail but memory. A scene without cameras then uses the first that
+/// comes.
+void merge(Scene& scene, Scene loaded);
+
+/// What a file may cost, and reach. Files come from strangers unless the caller says otherwise.
+struct LoadLimits {
+  std::uint64_t bytes = 4ULL << 30;  // all that loading makes, added up; 2^64-1: no limit
+  bool leaves_folder = false;        // may name files outside of its own folder
 };
 
 /// Adds a glTF 2.0 file to the scene, all or nothing. Throws Error with the file and what in it is wrong. A scene
-/// without cameras then uses the file's first one. Skins and morph targets are applied as the file poses them.
-void load_gltf(Scene& scene, const std::filesystem::path& file);
+/// without cameras then uses the file's first one. Its first animation is in use, and posed at the scene's time.
+void load_gltf(Scene& scene, const std::filesystem::path& file, const LoadLimits& limits = {});
 
 /// View record of a camera, unjittered, composed in float64. `origin`: the frame's origin. `previous`: last frame's
 /// camera, with its own position.

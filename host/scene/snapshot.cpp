@@ -20,6 +20,7 @@ struct AlphaLook {
   std::array<float, 4> uv_matrix{1, 0, 0, 1};
   std::array<float, 2> uv_offset{0, 0};
   std::array<std::uint32_t, 2> wrap{0, 0};
+  bool is_nearest = false;             // the sampler does not blend texels
   std::int64_t width = 0, height = 0;  // 0: no texture
   std::vector<std::uint8_t> texels;    // alpha alone
 };
@@ -46,18 +47,21 @@ std::int64_t wrapped(std::int64_t texel, std::int64_t size, std::uint32_t mode) 
   return place < size ? place : period - 1 - place;
 }
 
-/// Bilinear, at the finest level, as a GPU filters: texel centres at halves.
+/// At the finest level, bilinear or nearest as the sampler magnifies, as a GPU filters: texel centres at halves.
 float sample_alpha(const AlphaLook& look, float u, float v) {
   // Beyond this, coordinates in float32 say nothing about texels any more.
   constexpr float kLimit = 1e6F;
   const double x = static_cast<double>(std::clamp(u, -kLimit, kLimit)) * static_cast<double>(look.width) - 0.5;
   const double y = static_cast<double>(std::clamp(v, -kLimit, kLimit)) * static_cast<double>(look.height) - 0.5;
-  const double x0 = std::floor(x), y0 = std::floor(y);
+  const double x0 = std::floor(look.is_nearest ? x + 0.5 : x), y0 = std::floor(look.is_nearest ? y + 0.5 : y);
   const auto texel = [&](double column, double row) {
     const std::int64_t i = wrapped(static_cast<std::int64_t>(column), look.width, look.wrap[0]);
     const std::int64_t j = wrapped(static_cast<std::int64_t>(row), look.height, look.wrap[1]);
     return static_cast<double>(look.texels[static_cast<std::size_t>(j * look.width + i)]) / 255.0;
   };
+  if (look.is_nearest) {
+    return static_cast<float>(texel(x0, y0));
+  }
   const double fx = x - x0, fy = y - y0;
   const double top = texel(x0, y0) * (1 - fx) + texel(x0 + 1, y0) * fx;
   const double bottom = texel(x0, y0 + 1) * (1 - fx) + texel(x0 + 1, y0 + 1) * fx;
@@ -103,6 +107,7 @@ AlphaLook look_of(const Scene& scene, const Material& material) {
   if (const std::uint32_t index = material.textures[HEDDLE_TEXTURE_BASE_COLOR]; index != HEDDLE_NONE) {
     const Texture& texture = scene.textures.at(index);
     look.wrap = texture.wrap;
+    look.is_nearest = (texture.filter & HEDDLE_FILTER_NEAREST_MAGNIFIED) != 0;
     look.width = texture.width;
     look.height = texture.height;
     look.texels.resize(std::size_t{texture.width} * texture.height);

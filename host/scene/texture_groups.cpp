@@ -38,7 +38,7 @@ bool join(std::array<std::uint32_t, HEDDLE_TEXTURE_COUNT>& group,
 
 TexturePlan plan_textures(const Scene& scene, std::uint32_t maximum_size, std::uint32_t maximum_layers) {
   TexturePlan plan;
-  std::map<std::tuple<bool, std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t>, std::uint32_t> open;
+  std::map<std::tuple<bool, std::array<std::uint32_t, 5>>, std::uint32_t> open;
   struct Slot {
     std::uint32_t array = HEDDLE_NONE, layer = HEDDLE_NO_TEXTURE;
   };
@@ -56,8 +56,9 @@ TexturePlan plan_textures(const Scene& scene, std::uint32_t maximum_size, std::u
     wanted.height = std::max(texture.height >> base, 1U);
     wanted.mips = mip_count(texture.width, texture.height) - base;
     wanted.wrap = texture.wrap;
-    const auto [entry, is_new] =
-        open.try_emplace({wanted.is_srgb, wanted.width, wanted.height, wanted.wrap[0], wanted.wrap[1]}, HEDDLE_NONE);
+    wanted.filter = texture.filter;
+    const auto [entry, is_new] = open.try_emplace(
+        {wanted.is_srgb, {wanted.width, wanted.height, wanted.wrap[0], wanted.wrap[1], wanted.filter}}, HEDDLE_NONE);
     if (is_new || plan.arrays[entry->second].textures.size() >= maximum_layers) {
       entry->second = static_cast<std::uint32_t>(plan.arrays.size());
       plan.arrays.push_back(std::move(wanted));
@@ -93,7 +94,7 @@ TexturePlan plan_textures(const Scene& scene, std::uint32_t maximum_size, std::u
 TextureGroups::~TextureGroups() {
   clear();
   const heddle_vulkan& vk = device_.table();
-  for (const VkSampler sampler : samplers_) {
+  for (const auto& [key, sampler] : samplers_) {
     vk.DestroySampler(vk.device, sampler, nullptr);
   }
 }
@@ -109,22 +110,30 @@ void TextureGroups::clear() {
   arrays_.clear();
 }
 
-VkSampler TextureGroups::sampler(const std::array<std::uint32_t, 2>& wrap) {
+VkSampler TextureGroups::sampler(const TexturePlan::Array& shape) {
   constexpr std::array<VkSamplerAddressMode, 3> kModes = {
       VK_SAMPLER_ADDRESS_MODE_REPEAT, VK_SAMPLER_ADDRESS_MODE_MIRRORED_REPEAT, VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE};
-  const std::uint32_t u = std::min(wrap[0], 2U), v = std::min(wrap[1], 2U);
-  VkSampler& sampler = samplers_[u * 3 + v];
+  // Just above 0: the finest level alone, and still a difference between minified and magnified (Vulkan 1.3, chapter
+  // Samplers, on OpenGL's filters without mipmaps).
+  constexpr float kFinestLevel = 0.25F;
+  const std::uint32_t u = std::min(shape.wrap[0], 2U), v = std::min(shape.wrap[1], 2U);
+  VkSampler& sampler = samplers_.try_emplace({u, v, shape.filter}, VK_NULL_HANDLE).first->second;
   if (sampler == VK_NULL_HANDLE) {
+    const bool has_levels = (shape.filter & HEDDLE_FILTER_FINEST_LEVEL) == 0;
+    const auto filter = [&](std::uint32_t bit) {
+      return (shape.filter & bit) != 0 ? VK_FILTER_NEAREST : VK_FILTER_LINEAR;
+    };
     VkSamplerCreateInfo info{};
     info.sType = VK_STRUCTURE_TYPE_SAMPLER_CREATE_INFO;
-    info.magFilter = VK_FILTER_LINEAR;
-    info.minFilter = VK_FILTER_LINEAR;
-    info.mipmapMode = VK_SAMPLER_MIPMAP_MODE_LINEAR;
+    info.magFilter = filter(HEDDLE_FILTER_NEAREST_MAGNIFIED);
+    info.minFilter = filter(HEDDLE_FILTER_NEAREST_MINIFIED);
+    info.mipmapMode = has_levels && (shape.filter & HEDDLE_FILTER_NEAREST_LEVEL) == 0 ? VK_SAMPLER_MIPMAP_MODE_LINEAR
+                                                                                      : VK_SAMPLER_MIPMAP_MODE_NEAREST;
     info.addressModeU = kModes[u];
     info.addressModeV = kModes[v];
     info.addressModeW = VK_SAMPLER_ADDRESS_MODE_CLAMP_TO_EDGE;
     info.maxAnisotropy = 1.0F;
-    info.maxLod = VK_LOD_CLAMP_NONE;
+    info.maxLod = has_levels ? VK_LOD_CLAMP_NONE : kFinestLevel;
     const heddle_vulkan& vk = device_.table();
     vulkan::check(vk.CreateSampler(vk.device, &info, nullptr, &sampler), "vkCreateSampler");
   }
@@ -142,7 +151,7 @@ TextureGroups::Array& TextureGroups::add_array(VkFormat format, const TexturePla
   image.mips = shape.mips;
   image.usage = VK_IMAGE_USAGE_SAMPLED_BIT | VK_IMAGE_USAGE_TRANSFER_DST_BIT | VK_IMAGE_USAGE_TRANSFER_SRC_BIT;
   array.image = device_.make_image(image);
-  array.sampler = sampler(shape.wrap);
+  array.sampler = sampler(shape);
   VkImageViewCreateInfo info{};
   info.sType = VK_STRUCTURE_TYPE_IMAGE_VIEW_CREATE_INFO;
   info.image = array.image.handle();

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The textures of a scene's materials -> 2D arrays by (format, size, wrap), and one descriptor set for each combination
-// of five arrays that some material needs: without descriptor indexing, draws are merged by it.
+// The textures of a scene's materials -> 2D arrays by (format, size, sampler), and one descriptor set for each
+// combination of five arrays that some material needs: without descriptor indexing, draws are merged by it.
 #pragma once
 
 #include <heddle/plugin.h>
+
+#include <map>
 
 #include "scene/scene.hpp"
 #include "vulkan/device.hpp"
@@ -16,6 +18,7 @@ struct TexturePlan {
     bool is_srgb = false;
     std::uint32_t width = 0, height = 0, mips = 0;
     std::array<std::uint32_t, 2> wrap{0, 0};
+    std::uint32_t filter = 0;
     std::vector<std::uint32_t> textures;  // by layer
   };
   struct Place {
@@ -55,14 +58,14 @@ class TextureGroups {
   void clear();
   /// Image, view and sampler of an empty array.
   Array& add_array(VkFormat format, const TexturePlan::Array& shape, std::uint32_t layers);
-  VkSampler sampler(const std::array<std::uint32_t, 2>& wrap);
+  VkSampler sampler(const TexturePlan::Array& shape);
   void write_sets();
 
   vulkan::Device& device_;
   VkDescriptorSetLayout layout_;
   TexturePlan plan_;
-  std::vector<Array> arrays_;            // the plan's, then one white texel
-  std::array<VkSampler, 9> samplers_{};  // by wrap in u and v
+  std::vector<Array> arrays_;                                   // the plan's, then one white texel
+  std::map<std::array<std::uint32_t, 3>, VkSampler> samplers_;  // by wrap in u and v, and filter
   VkDescriptorPool pool_ = VK_NULL_HANDLE;
   std::vector<VkDescriptorSet> sets_;
 };

@@ -17,6 +17,7 @@ namespace {
 // Buffers of empty scenes are bound too: none is smaller than a cache line.
 constexpr std::size_t kMinimumBytes = 64;
 
+constexpr VkBufferUsageFlags kCommandUsage = VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT;
 constexpr VkBufferUsageFlags kTransfers = VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
 
 void store(const glm::dmat4& matrix, const glm::dvec3& origin, float (&out)[16]) {
@@ -32,10 +33,18 @@ bool is_mirrored(const Instance& instance) {
   return glm::determinant(glm::dmat3(instance.scene_from_object)) < 0;
 }
 
-/// Places of one mesh in the vertex and index buffers.
+/// Places of one mesh in the vertex and index buffers. What bends is there twice: now, and in the last frame.
 struct MeshRange {
   std::uint32_t first_index = 0, index_count = 0;
-  std::int32_t vertex_offset = 0;
+  std::array<std::int32_t, 2> vertex_offsets{};  // equal for what never bends
+  std::array<std::uint64_t, 2> shapes{};         // that lie there
+  std::size_t now = 0, before = 0;               // which of the two
+
+  [[nodiscard]] std::int32_t vertex_offset() const { return vertex_offsets[now]; }
+  /// What a shader adds to a vertex's index to find the same vertex in the last frame.
+  [[nodiscard]] std::uint32_t steps_to_previous() const {
+    return static_cast<std::uint32_t>(vertex_offsets[before]) - static_cast<std::uint32_t>(vertex_offsets[now]);
+  }
 };
 
 /// Fills a buffer, made anew if it does not fit exactly: sizes change only with the content.
@@ -67,6 +76,9 @@ struct SceneBuffers::State {
   vulkan::Buffer vertices, indices, instances, materials, commands;
   std::vector<DrawGroup> groups;
   std::vector<MeshRange> meshes;
+  std::vector<std::uint32_t> bending;  // meshes with two shapes
+  std::vector<VkDrawIndexedIndirectCommand> command_list;
+  std::vector<std::uint32_t> command_meshes;
   std::vector<std::uint32_t> order;     // scene's instances in draw order
   std::vector<std::uint8_t> flips;      // by scene's instance
   std::vector<HeddleMaterial> records;  // as uploaded
@@ -74,6 +86,7 @@ struct SceneBuffers::State {
   glm::dvec3 origin{0.0};
 
   void upload_meshes(const Scene& scene);
+  void upload_shapes(const Scene& scene);
   void upload_materials(const Scene& scene);
   void sort_draws(const Scene& scene);
   void upload_instances(const Scene& scene);
@@ -83,13 +96,22 @@ void SceneBuffers::State::upload_meshes(const Scene& scene) {
   std::vector<HeddleVertex> all_vertices;
   std::vector<std::uint32_t> all_indices;
   meshes.clear();
+  bending.clear();
   for (const Mesh& mesh : scene.meshes) {
     MeshRange range;
     range.first_index = static_cast<std::uint32_t>(all_indices.size());
     range.index_count = static_cast<std::uint32_t>(mesh.indices.size());
-    range.vertex_offset = static_cast<std::int32_t>(all_vertices.size());
+    const std::size_t copies = mesh.shape != 0 ? 2 : 1;
+    for (std::size_t copy = 0; copy < copies; ++copy) {
+      range.vertex_offsets[copy] = static_cast<std::int32_t>(all_vertices.size());
+      range.vertex_offsets[1] = range.vertex_offsets[copy];
+      range.shapes[copy] = mesh.shape;
+      all_vertices.insert(all_vertices.end(), mesh.vertices.begin(), mesh.vertices.end());
+    }
+    if (copies == 2) {
+      bending.push_back(static_cast<std::uint32_t>(meshes.size()));
+    }
     meshes.push_back(range);
-    all_vertices.insert(all_vertices.end(), mesh.vertices.begin(), mesh.vertices.end());
     all_indices.insert(all_indices.end(), mesh.indices.begin(), mesh.indices.end());
   }
   if (all_vertices.size() > 0x7fffffffU || all_indices.size() > 0xffffffffU) {
@@ -98,6 +120,43 @@ void SceneBuffers::State::upload_meshes(const Scene& scene) {
   }
   fill(device, vertices, all_vertices, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
   fill(device, indices, all_indices, VK_BUFFER_USAGE_INDEX_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+}
+
+/// Brings this frame's and the last one's shapes of what bends to the device, each once, and lets the draws use them.
+void SceneBuffers::State::upload_shapes(const Scene& scene) {
+  bool is_switched = false;
+  for (const std::uint32_t index : bending) {
+    const Mesh& mesh = scene.meshes[index];
+    MeshRange& range = meshes[index];
+    const auto bring = [&](const std::vector<HeddleVertex>& shape_vertices, std::uint64_t shape, std::size_t kept) {
+      for (std::size_t slot = 0; slot < 2; ++slot) {
+        if (range.shapes[slot] == shape) {
+          return slot;
+        }
+      }
+      const std::size_t slot = 1 - kept;
+      range.shapes[slot] = 0;  // of nothing, if the upload fails
+      device.upload(vertices, static_cast<std::uint64_t>(range.vertex_offsets[slot]) * sizeof(HeddleVertex),
+                    std::as_bytes(std::span(shape_vertices)));
+      range.shapes[slot] = shape;
+      return slot;
+    };
+    const std::size_t was = range.now;
+    if (mesh.shape == mesh.previous_shape) {
+      range.now = range.before = bring(mesh.vertices, mesh.shape, range.now);
+    } else {
+      range.before = bring(mesh.previous_vertices, mesh.previous_shape, range.shapes[0] == mesh.shape ? 0 : 1);
+      range.now = bring(mesh.vertices, mesh.shape, range.before);
+    }
+    is_switched |= range.now != was;
+  }
+  if (!is_switched) {
+    return;
+  }
+  for (std::size_t i = 0; i < command_list.size(); ++i) {
+    command_list[i].vertexOffset = meshes[command_meshes[i]].vertex_offset();
+  }
+  fill(device, commands, command_list, kCommandUsage);
 }
 
 void SceneBuffers::State::upload_materials(const Scene& scene) {
@@ -110,6 +169,9 @@ void SceneBuffers::State::upload_materials(const Scene& scene) {
       record.texture_layer[k] = place.layers[k];
     }
     record.texture_layer_4 = place.layers[4];
+    for (std::uint32_t k = 1; k < HEDDLE_TEXTURE_COUNT; ++k) {
+      set_texture_transform(record, k, texture_transform(record, k));
+    }
     record.texture_group = place.group;
     record.id = static_cast<std::uint32_t>(i);
     records.push_back(record);
@@ -144,23 +206,27 @@ void SceneBuffers::State::sort_draws(const Scene& scene) {
 
   groups.clear();
   order.clear();
-  std::vector<VkDrawIndexedIndirectCommand> list;
+  command_list.clear();
+  command_meshes.clear();
   for (std::size_t i = 0; i < keys.size(); ++i) {
     const Key& key = keys[i];
     const bool same_state = i > 0 && keys[i - 1].state() == key.state();
     if (!same_state) {
-      groups.push_back({key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(list.size()), 0});
+      groups.push_back(
+          {key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(command_list.size()), 0});
     }
     if (same_state && keys[i - 1].mesh == key.mesh) {
-      ++list.back().instanceCount;
+      ++command_list.back().instanceCount;
     } else {
       const MeshRange& range = meshes[key.mesh];
-      list.push_back({range.index_count, 1, range.first_index, range.vertex_offset, static_cast<std::uint32_t>(i)});
+      command_list.push_back(
+          {range.index_count, 1, range.first_index, range.vertex_offset(), static_cast<std::uint32_t>(i)});
+      command_meshes.push_back(key.mesh);
       ++groups.back().command_count;
     }
     order.push_back(key.instance);
   }
-  fill(device, commands, list, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  fill(device, commands, command_list, kCommandUsage);
 }
 
 void SceneBuffers::State::upload_instances(const Scene& scene) {
@@ -175,6 +241,7 @@ void SceneBuffers::State::upload_instances(const Scene& scene) {
     record.object = index;
     record.flags = surface_flags(records[record.material]);
     record.flip = flips[index];
+    record.previous_vertex = meshes[instance.mesh].steps_to_previous();
     list.push_back(record);
   }
   fill(device, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
@@ -198,6 +265,9 @@ void SceneBuffers::update(const Scene& scene, const glm::dvec3& origin) {
   if (is_new) {
     state.upload_meshes(scene);
     state.upload_materials(scene);
+  }
+  if (has_moved) {
+    state.upload_shapes(scene);
   }
   bool is_turned = is_new;
   for (std::size_t i = 0; has_moved && !is_turned && i < scene.instances.size(); ++i) {
@@ -246,16 +316,6 @@ std::vector<HeddleLight> SceneBuffers::lights(const Scene& scene, const glm::dve
     lights.push_back(record);
   }
   return lights;
-}
-
-std::uint32_t surface_flags(const HeddleMaterial& material) {
-  std::uint32_t flags = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_CASTS_SHADOW;
-  if (material.alpha_mode == HEDDLE_ALPHA_MASK) {
-    flags = HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_CASTS_SHADOW;
-  } else if (material.alpha_mode == HEDDLE_ALPHA_BLEND) {
-    flags = HEDDLE_SURFACE_BLENDED;
-  }
-  return flags | ((material.flags & HEDDLE_MATERIAL_DOUBLE_SIDED) != 0 ? HEDDLE_SURFACE_DOUBLE_SIDED : 0U);
 }
 
 VkDescriptorSetLayout make_materials_layout(vulkan::Device& device) {

@@ -26,7 +26,8 @@ class SceneBuffers {
   SceneBuffers(const SceneBuffers&) = delete;
   SceneBuffers& operator=(const SceneBuffers&) = delete;
 
-  /// Uploads what changed since the last call; instances relative to `origin`, previous places too.
+  /// Uploads what changed since the last call; instances relative to `origin`, previous places too. A mesh that bends
+  /// has room for two shapes, which take turns.
   void update(const Scene& scene, const glm::dvec3& origin);
 
   [[nodiscard]] const vulkan::Buffer& vertices() const;   // HeddleVertex
@@ -46,9 +47,6 @@ class SceneBuffers {
   struct State;
   std::unique_ptr<State> state_;
 };
-/// HEDDLE_SURFACE_* of what a material covers. Blended surfaces cast no shadow: a map cannot tell how much light
-/// passes.
-std::uint32_t surface_flags(const HeddleMaterial& material);
 /// Layout of set 2, fragment stage.
 VkDescriptorSetLayout make_materials_layout(vulkan::Device& device);
 

@@ -34,8 +34,10 @@ vec3 unit(vec3 v) {
 void main() {
   HeddleVertex vertex = vertices[gl_VertexIndex];
   HeddleInstance instance = instances[gl_InstanceIndex];
+  // What bends has its last shape elsewhere in the same buffer; for all else this is the same vertex.
+  vec3 previous_position = vertices[uint(gl_VertexIndex) + instance.previous_vertex].position;
   precise vec4 position_rel = instance.rel_from_object * vec4(vertex.position, 1.0);
-  precise vec4 previous_rel = instance.previous_rel_from_object * vec4(vertex.position, 1.0);
+  precise vec4 previous_rel = instance.previous_rel_from_object * vec4(previous_position, 1.0);
   gl_Position = view.clip_from_rel * vec4(position_rel.xyz, 1.0);
 
   // Normals go by the inverse transpose: the cofactors, up to the sign of the determinant. Columns are brought to a

@@ -29,11 +29,12 @@ SurfaceFootprint surface_footprint() {
   return SurfaceFootprint(dFdx(surface.uv0), dFdy(surface.uv0), dFdx(surface.uv1), dFdy(surface.uv1));
 }
 
-vec4 sample_material(sampler2DArray textures, HeddleMaterial material, SurfaceFootprint footprint, uint slot,
-                     uint layer) {
+// `matrix` and `offset` are the texture's own KHR_texture_transform.
+vec4 sample_material(sampler2DArray textures, HeddleMaterial material, SurfaceFootprint footprint, uint slot, uint layer,
+                     vec4 matrix, vec2 offset) {
   bool uses_uv1 = (material.texture_uv_sets & (1u << slot)) != 0u;
-  mat2 m = mat2(material.uv_rotation_scale.xy, material.uv_rotation_scale.zw);
-  vec2 uv = m * (uses_uv1 ? surface.uv1 : surface.uv0) + material.uv_offset;
+  mat2 m = mat2(matrix.xy, matrix.zw);
+  vec2 uv = m * (uses_uv1 ? surface.uv1 : surface.uv0) + offset;
   return textureGrad(textures, vec3(uv, float(layer)), m * (uses_uv1 ? footprint.uv1_dx : footprint.uv0_dx),
                      m * (uses_uv1 ? footprint.uv1_dy : footprint.uv0_dy));
 }
@@ -42,7 +43,8 @@ vec4 surface_base_color(HeddleMaterial material, SurfaceFootprint footprint) {
   vec4 color = material.base_color * surface.color;
   uint layer = material.texture_layer[HEDDLE_TEXTURE_BASE_COLOR];
   if (layer != HEDDLE_NO_TEXTURE)
-    color *= sample_material(texture_base_color, material, footprint, HEDDLE_TEXTURE_BASE_COLOR, layer);
+    color *= sample_material(texture_base_color, material, footprint, HEDDLE_TEXTURE_BASE_COLOR, layer,
+                             material.uv_rotation_scale, material.uv_offset);
   return color;
 }
 
@@ -61,7 +63,8 @@ vec3 surface_normal(HeddleMaterial material, SurfaceFootprint footprint) {
   vec3 normal = surface.normal;
   uint layer = material.texture_layer[HEDDLE_TEXTURE_NORMAL];
   if (layer != HEDDLE_NO_TEXTURE && dot(surface.tangent.xyz, surface.tangent.xyz) > 0.0) {
-    vec3 bump = sample_material(texture_normal, material, footprint, HEDDLE_TEXTURE_NORMAL, layer).xyz * 2.0 - 1.0;
+    vec3 bump = sample_material(texture_normal, material, footprint, HEDDLE_TEXTURE_NORMAL, layer,
+                                material.uv_rotation_scale_2, material.uv_offset_1_2.zw).xyz * 2.0 - 1.0;
     bump.xy *= material.normal_scale;
     vec3 bitangent = surface.tangent.w * cross(surface.normal, surface.tangent.xyz);
     normal = bump.x * surface.tangent.xyz + bump.y * bitangent + bump.z * surface.normal;
@@ -81,7 +84,8 @@ SurfaceSample sample_surface(HeddleMaterial material) {
   uint layer = material.texture_layer[HEDDLE_TEXTURE_METALLIC_ROUGHNESS];
   if (layer != HEDDLE_NO_TEXTURE) {
     vec4 texel =
-        sample_material(texture_metallic_roughness, material, footprint, HEDDLE_TEXTURE_METALLIC_ROUGHNESS, layer);
+        sample_material(texture_metallic_roughness, material, footprint, HEDDLE_TEXTURE_METALLIC_ROUGHNESS, layer,
+                        material.uv_rotation_scale_1, material.uv_offset_1_2.xy);
     s.roughness *= texel.g;
     s.metalness *= texel.b;
   }
@@ -90,13 +94,15 @@ SurfaceSample sample_surface(HeddleMaterial material) {
   s.occlusion = 1.0;
   layer = material.texture_layer[HEDDLE_TEXTURE_OCCLUSION];
   if (layer != HEDDLE_NO_TEXTURE) {
-    float texel = sample_material(texture_occlusion, material, footprint, HEDDLE_TEXTURE_OCCLUSION, layer).r;
+    float texel = sample_material(texture_occlusion, material, footprint, HEDDLE_TEXTURE_OCCLUSION, layer,
+                                  material.uv_rotation_scale_3, material.uv_offset_3_4.xy).r;
     s.occlusion = 1.0 + material.occlusion_strength * (texel - 1.0);
   }
   s.emissive = material.emissive;
   layer = material.texture_layer_4;
   if (layer != HEDDLE_NO_TEXTURE)
-    s.emissive *= sample_material(texture_emissive, material, footprint, HEDDLE_TEXTURE_EMISSIVE, layer).rgb;
+    s.emissive *= sample_material(texture_emissive, material, footprint, HEDDLE_TEXTURE_EMISSIVE, layer,
+                                  material.uv_rotation_scale_4, material.uv_offset_3_4.zw).rgb;
   s.ior = material.ior;
   s.is_unlit = (material.flags & HEDDLE_MATERIAL_UNLIT) != 0u;
   return s;

@@ -8,17 +8,20 @@ import argparse
 import importlib.util
 import json
 import pathlib
+import re
 import statistics
 import sys
+from collections.abc import Callable
 
 from . import Error, Host, Scene, version
 
 
-def load_scene(scene: Scene, file: str) -> None:
-    """Runs build(scene) of a Python file, or loads a glTF file."""
+def load_scene(scene: Scene, file: str, trusted: bool = False) -> Callable[[Scene, float], None]:
+    """Runs build(scene) of a Python file, or loads a glTF file. Returns what moves the scene to a time: the Python
+    file's update(scene, time), if it has one."""
     if not file.endswith(".py"):
-        scene.load(file)
-        return
+        scene.load(file, trusted)
+        return stays
     path = pathlib.Path(file)
     shipped = pathlib.Path(__file__).resolve().parents[1] / "scenes" / path.name
     if not path.exists() and shipped.exists():
@@ -31,12 +34,29 @@ def load_scene(scene: Scene, file: str) -> None:
     if not hasattr(module, "build"):
         raise Error(2, f"{path}: error: the scene has no function build(scene)")
     module.build(scene)
+    return getattr(module, "update", stays)
+
+
+def stays(_scene: Scene, _time: float) -> None:
+    """update() of scenes that have none."""
+
+
+def frame_file(file: str, frame: int) -> str:
+    """The file of one frame: "frame_%04d.png" names one for each."""
+    return re.sub(r"%(\d{0,2})d", lambda match: f"{frame:0{int(match.group(1) or 0)}d}", file, count=1)
+
+
+def load_all(scene: Scene, file: str | None, arguments: argparse.Namespace) -> Callable[[Scene, float], None]:
+    update = stays if file is None else load_scene(scene, file, arguments.trust_files)
+    for overlay in arguments.overlay:
+        scene.load(overlay, arguments.trust_files)
+    return update
 
 
 def sort_files(files: list[str], scene: str | None) -> tuple[str, str | None]:
     graph = None
     for file in files:
-        if file.endswith((".py", ".glb", ".gltf")):
+        if file.endswith((".py", ".glb", ".gltf", ".scene.toml")):
             if scene is not None:
                 raise Error(2, f"error: two scenes were given: '{scene}' and '{file}'")
             scene = file
@@ -59,6 +79,13 @@ def use_camera(scene: Scene, wanted: str | None) -> None:
         raise Error(2, f"error: the scene has no camera '{wanted}'\n  expected: one of {', '.join(names)}")
 
 
+def use_animation(scene: Scene, arguments: argparse.Namespace) -> None:
+    if arguments.animation == "none":
+        scene.use_animation(None)
+    elif arguments.animation is not None or (arguments.loop and scene.describe()["animations"]):
+        scene.use_animation(arguments.animation or 0, arguments.loop)
+
+
 def run(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
     if arguments.check:  # what a frame leaves to the next one comes round in the third
@@ -69,20 +96,25 @@ def run(arguments: argparse.Namespace) -> int:
             for port, _ in outputs:
                 if port is not None:
                     graph.keep(port)
-            if scene_file is not None:
-                load_scene(scene, scene_file)
+            update = load_all(scene, scene_file, arguments)
             use_camera(scene, arguments.camera)
+            use_animation(scene, arguments)
             for frame in range(arguments.frames):
-                graph.render(scene, time=arguments.time, seed=arguments.seed,
-                             profile=arguments.profile and frame + 1 == arguments.frames)
+                is_last = frame + 1 == arguments.frames
+                time = arguments.time + frame * arguments.time_step
+                update(scene, time)
+                graph.render(scene, time=time, time_step=arguments.time_step, seed=arguments.seed,
+                             profile=arguments.profile and is_last)
+                for port, file in outputs:
+                    if is_last or frame_file(file, frame) != file:
+                        file = frame_file(file, frame)
+                        pathlib.Path(file).parent.mkdir(parents=True, exist_ok=True)
+                        host.write_image(file, graph.read(port))
+                        say(arguments, f"wrote {file}")
             if arguments.check:
                 say(arguments, f"checked {arguments.frames} frames: every hazard and layout is covered, and every pass "
                                "keeps to its role's numbers")
             stats = graph.stats()
-            for port, file in outputs:
-                pathlib.Path(file).parent.mkdir(parents=True, exist_ok=True)
-                host.write_image(file, graph.read(port))
-                say(arguments, f"wrote {file}")
             if arguments.profile:
                 for stage in stats["stages"]:
                     print(f"{stage['pass']:<16} {stage['stage']:<16} {stage['wall_ms']:10.3f} ms wall "
@@ -97,8 +129,7 @@ def check(arguments: argparse.Namespace) -> int:
         with host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
             for port in arguments.port:
                 graph.keep(port)
-            if scene_file is not None:
-                load_scene(scene, scene_file)
+            load_all(scene, scene_file, arguments)(scene, arguments.time)
             use_camera(scene, arguments.camera)
             report = graph.check(scene, max(arguments.frames, 3), arguments.time, 0.0, arguments.seed)
             print(json.dumps(report, indent=2))
@@ -114,9 +145,9 @@ def compare(arguments: argparse.Namespace) -> int:
     folder = pathlib.Path(arguments.folder)
     folder.mkdir(parents=True, exist_ok=True)
     with Host(arguments.device, arguments.validation) as host, host.scene() as scene:
-        if scene_file is not None:
-            load_scene(scene, scene_file)
+        load_all(scene, scene_file, arguments)(scene, arguments.time)
         use_camera(scene, arguments.camera)
+        use_animation(scene, arguments)
         graphs = [host.graph(graph_file, [*arguments.set, f"{pass_name}.technique={name}"]) for name in names]
         try:
             times: list[list[float]] = [[], []]
@@ -173,18 +204,23 @@ def main() -> int:
                              ("compare", compare, "compare two techniques of one pass on a scene")):
         command = commands.add_parser(name, help=text)
         command.set_defaults(body=body)
-        command.add_argument("files", nargs="*", help="a graph and a scene (.py, .glb, .gltf), in any order")
+        command.add_argument("files", nargs="*", help="a graph and a scene (.py, .glb, .gltf, .scene.toml), in any order")
         command.add_argument("--scene")
+        command.add_argument("--overlay", action="append", default=[], help="a .scene.toml with changes to the scene")
+        command.add_argument("--trust-files", action="store_true", help="load files without limits")
         command.add_argument("--camera", help="name or number of a camera")
         command.add_argument("--set", action="append", default=[], help="change the graph: ao.technique=gtao")
         command.add_argument("--device", help="part of a device's name, or its index")
         command.add_argument("--validation", action="store_true")
-        command.add_argument("--time", type=float, default=0.0)
+        command.add_argument("--time", type=float, default=0.0, help="scene time of the first frame, seconds")
+        command.add_argument("--animation", help="name or number of the animation to play, or none")
+        command.add_argument("--loop", action="store_true", help="begin the animation again after its end")
         command.add_argument("--seed", type=int, default=0)
         command.add_argument("--quiet", "-q", action="store_true")
         if name == "run":
-            command.add_argument("--output", "-o", action="append", help="FILE, or PASS.PORT=FILE (default: heddle.png)")
+            command.add_argument("--output", "-o", action="append", help="FILE, or PASS.PORT=FILE, for each frame if it has %%04d (default: heddle.png)")
             command.add_argument("--frames", type=int, default=1)
+            command.add_argument("--time-step", type=float, default=1 / 60, help="seconds from frame to frame")
             command.add_argument("--profile", action="store_true")
             command.add_argument("--check", action="store_true",
                                  help="prove barriers and search outputs for NaN, Inf and values out of range")

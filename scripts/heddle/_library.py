@@ -11,6 +11,8 @@ TEXTURE_COUNT = 5
 HOST_VALIDATION = 1
 HOST_CHECK = 2
 RENDER_PROFILE = 1
+ANIMATION_LOOP = 1
+LOAD_TRUSTED = 1
 
 LogFunction = ctypes.CFUNCTYPE(None, c_void_p, c_uint32, c_char_p)
 
@@ -38,6 +40,8 @@ class Material(Structure):
         ("texture_layer", c_uint32 * 4), ("texture_layer_4", c_uint32), ("texture_uv_sets", c_uint32),
         ("texture_group", c_uint32), ("id", c_uint32),
         ("uv_rotation_scale", c_float * 4), ("uv_offset", c_float * 2), ("reserved_", c_float * 2),
+        ("uv_rotation_scale_1", c_float * 4), ("uv_rotation_scale_2", c_float * 4), ("uv_rotation_scale_3", c_float * 4),
+        ("uv_rotation_scale_4", c_float * 4), ("uv_offset_1_2", c_float * 4), ("uv_offset_3_4", c_float * 4),
     ]
 
 
@@ -58,7 +62,7 @@ class Image(Structure):
 class Texture(Structure):
     _fields_ = [
         ("struct_size", c_uint32), ("width", c_uint32), ("height", c_uint32), ("is_srgb", c_uint32),
-        ("wrap_u", c_uint32), ("wrap_v", c_uint32), ("reserved", c_uint32), ("rgba", POINTER(c_uint8)),
+        ("wrap_u", c_uint32), ("wrap_v", c_uint32), ("filter", c_uint32), ("rgba", POINTER(c_uint8)),
     ]
 
 
@@ -86,6 +90,18 @@ class Camera(Structure):
     ]
 
 
+class LoadOptions(Structure):
+    _fields_ = [("struct_size", c_uint32), ("flags", c_uint32), ("memory_limit", c_uint64)]
+
+
+class Triangles(Structure):
+    _fields_ = [
+        ("struct_size", c_uint32), ("vertex_count", c_uint32), ("triangle_count", c_uint32), ("reserved", c_uint32),
+        ("origin", c_double * 3), ("positions", POINTER(c_float)), ("normals", POINTER(c_float)), ("uvs", POINTER(c_float)),
+        ("indices", POINTER(c_uint32)), ("materials", POINTER(c_uint32)),
+    ]
+
+
 class RenderOptions(Structure):
     _fields_ = [
         ("struct_size", c_uint32), ("flags", c_uint32), ("time", c_double), ("time_step", c_double), ("seed", c_uint64),
@@ -109,6 +125,7 @@ PROTOTYPES = {
     "heddle_scene_create": (c_int32, [c_void_p, POINTER(c_void_p)]),
     "heddle_scene_destroy": (None, [c_void_p]),
     "heddle_scene_load": (c_int32, [c_void_p, c_char_p]),
+    "heddle_scene_load_with": (c_int32, [c_void_p, c_char_p, POINTER(LoadOptions)]),
     "heddle_scene_add_texture": (c_int32, [c_void_p, c_char_p, POINTER(Texture), _ID]),
     "heddle_scene_add_material": (c_int32, [c_void_p, c_char_p, POINTER(SceneMaterial), _ID]),
     "heddle_scene_add_mesh": (c_int32, [c_void_p, c_char_p, POINTER(Mesh), c_uint32, _ID]),
@@ -116,10 +133,14 @@ PROTOTYPES = {
     "heddle_scene_add_light": (c_int32, [c_void_p, c_char_p, POINTER(SceneLight), _ID]),
     "heddle_scene_add_camera": (c_int32, [c_void_p, c_char_p, POINTER(Camera), _ID]),
     "heddle_scene_set_instance": (c_int32, [c_void_p, c_uint32, _MATRIX]),
+    "heddle_scene_set_light": (c_int32, [c_void_p, c_uint32, POINTER(SceneLight)]),
     "heddle_scene_set_camera": (c_int32, [c_void_p, c_uint32, POINTER(Camera)]),
     "heddle_scene_use_camera": (c_int32, [c_void_p, c_uint32]),
     "heddle_scene_get_camera": (c_int32, [c_void_p, c_uint32, c_uint32, POINTER(Camera)]),
     "heddle_scene_describe": (c_int32, [c_void_p, _TEXT]),
+    "heddle_scene_use_animation": (c_int32, [c_void_p, c_uint32, c_uint32]),
+    "heddle_scene_set_time": (c_int32, [c_void_p, c_double]),
+    "heddle_scene_triangles": (c_int32, [c_void_p, POINTER(Triangles)]),
     "heddle_graph_load": (c_int32, [c_void_p, c_char_p, POINTER(c_char_p), c_uint32, POINTER(c_void_p)]),
     "heddle_graph_parse": (
         c_int32, [c_void_p, c_char_p, c_char_p, c_char_p, POINTER(c_char_p), c_uint32, POINTER(c_void_p)]),

@@ -205,18 +205,26 @@ class Scene(_Object):
     """What is rendered. Everything added gets an id, counted from 0 by kind."""
 
     _destroy = _heddle.heddle_scene_destroy
+    _time = 0.0  # of the last set_time or render
 
-    def load(self, file: str | pathlib.Path) -> None:
-        """Adds a glTF 2.0 file (.gltf, .glb), all of it or nothing."""
-        self._check(_heddle.heddle_scene_load(self._handle, str(file).encode()))
+    def load(self, file: str | pathlib.Path, trusted: bool = False, memory_limit: int = 0) -> None:
+        """Adds a glTF 2.0 file (.gltf, .glb), all of it or nothing.
 
-    def texture(self, pixels: ArrayLike, srgb: bool = True, wrap: str = "repeat", name: str | None = None) -> int:
-        """pixels: uint8 (height, width, 4), top row first. wrap: repeat, mirror or clamp. Returns the id."""
+        memory_limit: bytes that loading may make, added up, which bounds its time too; 0: 4 GiB
+        trusted:      no limit, and files outside of the file's folder may be read
+        """
+        options = c.LoadOptions(ctypes.sizeof(c.LoadOptions), c.LOAD_TRUSTED if trusted else 0, memory_limit)
+        self._check(_heddle.heddle_scene_load_with(self._handle, str(file).encode(), ctypes.byref(options)))
+
+    def texture(self, pixels: ArrayLike, srgb: bool = True, wrap: str = "repeat", name: str | None = None,
+                nearest: bool = False) -> int:
+        """pixels: uint8 (height, width, 4), top row first. wrap: repeat, mirror or clamp. nearest: texels are seen as
+        squares. Returns the id."""
         array = np.ascontiguousarray(pixels, dtype=np.uint8)
         if array.ndim != 3 or array.shape[2] != 4:
             raise Error(2, f"error: a texture has shape {array.shape}: expected (height, width, 4)")
         side = _choice(wrap, WRAPS, "wrap")
-        record = c.Texture(ctypes.sizeof(c.Texture), array.shape[1], array.shape[0], int(srgb), side, side, 0,
+        record = c.Texture(ctypes.sizeof(c.Texture), array.shape[1], array.shape[0], int(srgb), side, side, int(nearest),
                            _pointer(array, ctypes.c_uint8))
         return self._add(_heddle.heddle_scene_add_texture, name, ctypes.byref(record))
 
@@ -271,7 +279,7 @@ class Scene(_Object):
         return self._add(_heddle.heddle_scene_add_instance, name, ctypes.c_uint32(mesh), _matrix(transform))
 
     def move(self, instance: int, transform: ArrayLike) -> None:
-        """Places an instance anew; where it was counts as the last frame's place."""
+        """Places an instance anew; where it was in the last frame is its previous place, however often it moves."""
         self._check(_heddle.heddle_scene_set_instance(self._handle, instance, _matrix(transform)))
 
     def light(self, type: str, intensity: Sequence[float], position: Sequence[float] = (0, 0, 0),
@@ -281,24 +289,18 @@ class Scene(_Object):
               name: str | None = None) -> int:
         """One of directional (lux), point, spot, capsule, cone, wedge (candela), box (lux), sphere, rectangle (cd/m^2),
         environment. Linear Rec.709; metres; angles in radians from the axis; records.h says the rest. Returns the id."""
-        record = c.Light()
-        record.type = _choice(type, LIGHT_TYPES, "light type")
-        record.intensity[:] = tuple(intensity)
-        unit = np.asarray(direction, dtype=np.float64)
-        length = np.linalg.norm(unit)
-        if not (np.isfinite(length) and length > 0):
-            raise Error(2, f"error: the light's direction is {tuple(unit)}: expected a finite vector that is not zero")
-        record.direction[:] = tuple(unit / length)
-        record.range = range
-        record.radius = radius
-        record.tangent[:] = tuple(tangent)
-        record.segment_length = segment_length
-        record.half_extent[:] = tuple(half_extent)
-        record.flags = 1 if casts_shadow else 0
-        record.cos_inner = np.cos(inner_angle)
-        record.cos_outer = np.cos(outer_angle)
-        light = c.SceneLight(ctypes.sizeof(c.SceneLight), 0, (ctypes.c_double * 3)(*position), record)
+        light = _light(type, intensity, position, direction, range, inner_angle, outer_angle, radius, tangent, segment_length,
+                       half_extent, casts_shadow)
         return self._add(_heddle.heddle_scene_add_light, name, ctypes.byref(light))
+
+    def set_light(self, light: int, type: str, intensity: Sequence[float], position: Sequence[float] = (0, 0, 0),
+                  direction: Sequence[float] = (0, -1, 0), range: float = 0.0, inner_angle: float = 0.0,
+                  outer_angle: float = np.pi / 4, radius: float = 0.0, tangent: Sequence[float] = (1, 0, 0),
+                  segment_length: float = 0.0, half_extent: Sequence[float] = (0, 0, 0), casts_shadow: bool = True) -> None:
+        """Changes a light into what Scene.light would make of the same arguments; it keeps its id and name."""
+        record = _light(type, intensity, position, direction, range, inner_angle, outer_angle, radius, tangent, segment_length,
+                        half_extent, casts_shadow)
+        self._check(_heddle.heddle_scene_set_light(self._handle, light, ctypes.byref(record)))
 
     def camera(self, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
                up: Sequence[float] = (0, 1, 0), near: float = 0.05, use: bool = True, name: str | None = None) -> int:
@@ -314,8 +316,50 @@ class Scene(_Object):
         """Which camera renders; None: one made to see the whole scene."""
         self._check(_heddle.heddle_scene_use_camera(self._handle, c.NONE if index is None else index))
 
+    def set_time(self, time: float) -> None:
+        """Poses what animations move at a time in seconds; Graph.render does it too."""
+        self._check(_heddle.heddle_scene_set_time(self._handle, time))
+        self._time = float(time)
+
+    def use_animation(self, animation: int | str | None, loop: bool = False) -> None:
+        """Which animation of its file plays, by name or number; None: all files are at rest.
+
+        loop: after its end it begins again; else it holds its last pose. raises: Error with the names that there are.
+        """
+        names = [each["name"] for each in self.describe()["animations"]]
+        if animation is None:
+            index = c.NONE
+        elif animation in names:
+            index = names.index(animation)
+        elif isinstance(animation, int) or animation.isdigit():
+            index = int(animation)
+        else:
+            index = len(names)
+        if index != c.NONE and not 0 <= index < len(names):
+            raise Error(2, f"error: the scene has no animation '{animation}'\n  expected: "
+                           f"{'one of ' + ', '.join(names) if names else 'none: the scene has no animations'}")
+        self._check(_heddle.heddle_scene_use_animation(self._handle, index, c.ANIMATION_LOOP if loop else 0))
+
+    def triangles(self) -> dict[str, NDArray]:
+        """All triangles as the scene is posed: positions float64 (n, 3) in metres, rounded to float32 about the middle of
+        the scene; normals float32 (n, 3); uvs float32 (n, 2); indices uint32 (m, 3); materials uint32 (m,)."""
+        found = c.Triangles(ctypes.sizeof(c.Triangles))
+        self._check(_heddle.heddle_scene_triangles(self._handle, ctypes.byref(found)))
+        vertices, triangles = found.vertex_count, found.triangle_count
+
+        def array(pointer, shape, kind):
+            return np.ctypeslib.as_array(pointer, shape).copy() if shape[0] else np.zeros(shape, kind)
+
+        relative = array(found.positions, (vertices, 3), np.float32)
+        return {
+            "positions": relative.astype(np.float64) + np.array(found.origin),
+            "normals": array(found.normals, (vertices, 3), np.float32), "uvs": array(found.uvs, (vertices, 2), np.float32),
+            "indices": array(found.indices, (triangles, 3), np.uint32),
+            "materials": array(found.materials, (triangles,), np.uint32),
+        }
+
     def describe(self) -> dict:
-        """Counts, bounds, names and features."""
+        """Counts, bounds, names, animations and features."""
         text = ctypes.c_char_p()
         self._check(_heddle.heddle_scene_describe(self._handle, ctypes.byref(text)))
         return json.loads(text.value.decode())
@@ -339,12 +383,15 @@ class Graph(_Object):
         """Changes a parameter or technique between frames: "ao.params.radius=1.5", "ao.technique=none"."""
         self._check(_heddle.heddle_graph_set(self._handle, setting.encode()))
 
-    def render(self, scene: Scene, time: float = 0.0, time_step: float = 0.0, seed: int = 0, cut: bool = False,
+    def render(self, scene: Scene, time: float | None = None, time_step: float = 0.0, seed: int = 0, cut: bool = False,
                profile: bool = False) -> None:
-        """Renders one frame and waits for it. time in seconds. profile: stage by stage, timed one by one."""
+        """Renders one frame and waits for it, with what animations move posed at `time` in seconds (None: the time of
+        the last Scene.set_time or frame, at first 0). profile: stage by stage, timed one by one."""
+        time = scene._time if time is None else float(time)
         options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), c.RENDER_PROFILE if profile else 0, time, time_step,
                                   seed, int(cut), 0)
         self._check(_heddle.heddle_render(self._handle, scene._handle, ctypes.byref(options)))
+        scene._time = time
 
     def read(self, port: str | None = None, layer: int = 0, mip: int = 0) -> NDArray[np.float32]:
         """float32 (height, width, channels) of a kept port, or of the graph's output (None)."""
@@ -379,6 +426,27 @@ class Graph(_Object):
         text = ctypes.c_char_p()
         self._check(_heddle.heddle_graph_explain(self._handle, format.encode(), ctypes.byref(text)))
         return text.value.decode()
+
+
+def _light(type, intensity, position, direction, range, inner_angle, outer_angle, radius, tangent, segment_length, half_extent,
+           casts_shadow) -> c.SceneLight:
+    record = c.Light()
+    record.type = _choice(type, LIGHT_TYPES, "light type")
+    record.intensity[:] = tuple(intensity)
+    unit = np.asarray(direction, dtype=np.float64)
+    length = np.linalg.norm(unit)
+    if not (np.isfinite(length) and length > 0):
+        raise Error(2, f"error: the light's direction is {tuple(unit)}: expected a finite vector that is not zero")
+    record.direction[:] = tuple(unit / length)
+    record.range = range
+    record.radius = radius
+    record.tangent[:] = tuple(tangent)
+    record.segment_length = segment_length
+    record.half_extent[:] = tuple(half_extent)
+    record.flags = 1 if casts_shadow else 0
+    record.cos_inner = np.cos(inner_angle)
+    record.cos_outer = np.cos(outer_angle)
+    return c.SceneLight(ctypes.sizeof(c.SceneLight), 0, (ctypes.c_double * 3)(*position), record)
 
 
 def _log_to_stderr(severity: int, text: str) -> None:

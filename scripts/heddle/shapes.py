@@ -169,3 +169,86 @@ def rotation_y(angle: float) -> np.ndarray:
     matrix[0, 2] = np.sin(angle)
     matrix[2, 0] = -matrix[0, 2]
     return matrix
+
+
+def torus(radius: float, tube: float, segments: int = 24, sides: int = 10) -> dict:
+    """A ring around the z axis."""
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, segments + 1), np.linspace(0, 2 * np.pi, sides + 1), indexing="ij")
+    normal = np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], -1).reshape(-1, 3)
+    center = np.stack([radius * np.cos(u), radius * np.sin(u), np.zeros_like(u)], -1).reshape(-1, 3)
+    i, j = (a.reshape(-1) for a in np.meshgrid(np.arange(segments), np.arange(sides), indexing="ij"))
+    a = i * (sides + 1) + j
+    b = a + sides + 1
+    return {"positions": center + tube * normal, "normals": normal,
+            "uv0": np.stack([u * radius, v * tube], -1).reshape(-1, 2),
+            "indices": np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])}
+
+
+def prism(outline, depth: float) -> dict:
+    """A convex outline of the x-y plane, counter-clockwise, made `depth` thick about z = 0; flat faces."""
+    outline = np.asarray(outline, dtype=np.float64)
+    n, z = len(outline), 0.5 * depth
+    fan = np.stack([np.zeros(n - 2, int), np.arange(1, n - 1), np.arange(2, n)], 1)
+    parts = []
+    for side in (1.0, -1.0):
+        parts.append({"positions": np.column_stack([outline, np.full(n, side * z)]), "normals": np.tile((0, 0, side), (n, 1)),
+                      "uv0": np.column_stack([outline[:, 0], -outline[:, 1]]), "indices": fan if side > 0 else fan[:, ::-1]})
+    for a, b in zip(outline, np.roll(outline, -1, 0)):
+        parts.append(quad((*a, z), (0, 0, -depth), (b[0] - a[0], b[1] - a[1], 0)))
+    return merge(*parts)
+
+
+def tube(points, radius: float, sides: int = 6) -> dict:
+    """A pipe along a line of points (n, 3), open at its ends; smooth around and along."""
+    points = np.asarray(points, dtype=np.float64)
+    along = np.gradient(points, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    # The frame is carried from point to point, so that nothing twists.
+    across = np.empty_like(points)
+    start = np.cross(along[0], (0, 1, 0) if abs(along[0][1]) < 0.9 else (1, 0, 0))
+    for i, direction in enumerate(along):
+        start = start - direction * (start @ direction)
+        start /= np.linalg.norm(start)
+        across[i] = start
+    other = np.cross(along, across)
+    angles = np.linspace(0, 2 * np.pi, sides + 1)
+    normal = across[:, None] * np.cos(angles)[None, :, None] + other[:, None] * np.sin(angles)[None, :, None]
+    length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    uv = np.stack(np.broadcast_arrays(angles[None] * radius, length[:, None]), -1)
+    i, j = (a.reshape(-1) for a in np.meshgrid(np.arange(len(points) - 1), np.arange(sides), indexing="ij"))
+    a = i * (sides + 1) + j
+    b = a + sides + 1
+    return {"positions": (points[:, None] + radius * normal).reshape(-1, 3), "normals": normal.reshape(-1, 3),
+            "uv0": uv.reshape(-1, 2), "indices": np.concatenate([np.stack([a, a + 1, b + 1], 1), np.stack([a, b + 1, b], 1)])}
+
+
+def grid(size_x: float, size_z: float, columns: int, rows: int, height=None) -> dict:
+    """A field of squares about the origin, facing +Y; height(x, z) lifts it, with normals from central differences."""
+    x, z = np.meshgrid(np.linspace(-0.5 * size_x, 0.5 * size_x, columns + 1), np.linspace(-0.5 * size_z, 0.5 * size_z, rows + 1))
+    step = 1e-3
+    y, normal = np.zeros_like(x), np.stack([np.zeros_like(x), np.ones_like(x), np.zeros_like(x)], -1)
+    if height is not None:
+        y = height(x, z)
+        normal[..., 0] = (height(x - step, z) - height(x + step, z)) / (2 * step)
+        normal[..., 2] = (height(x, z - step) - height(x, z + step)) / (2 * step)
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+    i, j = (a.reshape(-1) for a in np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij"))
+    a = i * (columns + 1) + j
+    b = a + columns + 1
+    return {"positions": np.stack([x, y, z], -1).reshape(-1, 3), "normals": normal.reshape(-1, 3),
+            "uv0": np.stack([x, z], -1).reshape(-1, 2),
+            "indices": np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])}
+
+
+def rotation_x(angle: float) -> np.ndarray:
+    """4x4 matrix, radians about +X."""
+    matrix = np.eye(4)
+    matrix[1, 1] = matrix[2, 2] = np.cos(angle)
+    matrix[2, 1] = np.sin(angle)
+    matrix[1, 2] = -matrix[2, 1]
+    return matrix
+
+
+def scaling(x: float, y: float, z: float) -> np.ndarray:
+    """4x4 matrix."""
+    return np.diag([x, y, z, 1.0])

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Atrium: a colonnaded courtyard of two storeys, open to the sky, of several hundred instanced parts.
+"""Atrium: a colonnaded courtyard of two storeys, open to the sky, of thousands of instanced parts.
 
-Heddle's default scene. Everything is made here: geometry, textures, lamps. About 30 m long, 13 m wide, 10 m high; the
+Heddle's default scene. Everything is made here: geometry, textures, lamps. About 35 m long, 19 m wide, 12 m high; the
 sun comes from the graph's sky, the lamps are point lights of 150 cd under the galleries and one spot over the fountain.
 """
 
@@ -105,6 +105,8 @@ def materials(scene) -> dict[str, int]:
         "bronze": scene.material("bronze", (0.72, 0.43, 0.20, 1), metalness=1.0, roughness=0.32),
         "water": scene.material("water", (0.02, 0.05, 0.06, 1), roughness=0.04, ior=1.33),
         "lamp": scene.material("lamp glass", (0.9, 0.8, 0.6, 1), roughness=0.3, emissive=(2500, 1700, 800)),
+        "tile": scene.material("roof tiles", (0.42, 0.17, 0.09, 1), roughness=0.85),
+        "dark tile": scene.material("weathered roof tiles", (0.30, 0.13, 0.08, 1), roughness=0.9),
         "ivy": scene.material("ivy", (1, 1, 1, 1), roughness=0.6, alpha_mode="mask", double_sided=True,
                               base_color_texture=scene.texture(leaves(), name="ivy")),
     }
@@ -122,14 +124,115 @@ def column_shape() -> dict:
     return shapes.merge(turned, shapes.box((0.7, 0.14, 0.7), (0, 0.07, 0)), shapes.box((0.74, 0.16, 0.74), (0, 3.32, 0)))
 
 
+def roof_tile(length: float, radius: float, up: bool) -> dict:
+    """Half a pipe along z, its back up or down, a little wider at its lower end so that the next one slides under."""
+    angles = np.linspace(0, np.pi, 7) if up else np.linspace(0, -np.pi, 7)
+    ends = ((0.0, radius), (length, radius * 1.15))
+    positions = np.array([(r * np.cos(a), r * np.sin(a), z) for z, r in ends for a in angles])
+    normals = np.tile([(np.cos(a), np.sin(a), 0.0) for a in angles], (2, 1)) * (1 if up else -1)
+    n, i = len(angles), np.arange(len(angles) - 1)
+    strip = np.concatenate([np.stack([i, n + i, n + i + 1], 1), np.stack([i, n + i + 1, i + 1], 1)])
+    return {"positions": positions, "normals": normals, "uv0": positions[:, [0, 2]], "indices": strip}
+
+
+def voussoirs(span: float, rise: float, count: int, depth: float) -> list[dict]:
+    """The stones of an arch: wedges of 0.22 m over a half ellipse, the keystone larger."""
+    stones = []
+    for k in range(count):
+        edges = np.pi * (1 - np.linspace(k + 0.04, k + 0.96, 4) / count)
+        key = k == count // 2
+        inner = np.stack([0.5 * span * np.cos(edges), rise * np.sin(edges)], 1)
+        outward = np.stack([rise * np.cos(edges), 0.5 * span * np.sin(edges)], 1)
+        outward /= np.linalg.norm(outward, axis=1, keepdims=True)
+        outer = inner + outward * (0.32 if key else 0.22)
+        parts = [shapes.prism([inner[i + 1], outer[i + 1], outer[i], inner[i]], depth + (0.06 if key else 0.0))
+                 for i in range(3)]
+        stones.append(shapes.merge(*parts))
+    return stones
+
+
+def trim(place, mesh, material, half_l, half_w) -> None:
+    """What makes the walls a building: dentils, coffers, pilasters, tiles, voussoirs' neighbours; counted in thousands."""
+    outer_l, outer_w, slab = half_l + AISLE, half_w + AISLE, 0.4
+    dentil = mesh(shapes.box((0.13, 0.16, 0.12)), "dentil", "plaster")
+    string = mesh(shapes.box((BAY, 0.07, 0.2)), "string course", "marble")
+    for level in (STOREY, 2 * STOREY):
+        y = level - slab - 0.08
+        for side in (-1, 1):
+            for i in range(int(2 * half_l / 0.26)):
+                place(dentil, -half_l + 0.13 + i * 0.26, y, side * (half_w - 0.30))
+            for i in range(int(2 * half_w / 0.26)):
+                place(dentil, side * (half_l - 0.30), y, -half_w + 0.13 + i * 0.26, np.pi / 2)
+            for i in range(int(2 * half_l / BAY)):
+                place(string, -half_l + (i + 0.5) * BAY, level - slab + 0.03, side * (half_w - 0.32))
+    # Coffered ceilings of the galleries: frames of four boards in every field between the beams.
+    board, cross = mesh(shapes.box((0.09, 0.07, AISLE - 0.3)), "coffer board", "wood"), mesh(shapes.box((1.0, 0.07, 0.09)), "coffer cross", "wood")
+    for level in (0.0, STOREY):
+        y = level + STOREY - slab - 0.035
+        for i in range(int(2 * outer_l / 1.1) - 1):
+            for side in (-1, 1):
+                x = -outer_l + 1.1 + i * 1.1
+                place(board, x, y, side * (half_w + AISLE / 2))
+                for k in (-1, 0, 1):
+                    place(cross, x, y, side * (half_w + AISLE / 2 + k * AISLE / 4))
+    # Pilasters against the outer walls, opposite to the columns, each of base, shaft and capital.
+    base, capital = mesh(shapes.box((0.62, 0.3, 0.22)), "pilaster base", "marble"), mesh(shapes.box((0.66, 0.24, 0.26)), "pilaster capital", "marble")
+    shaft = mesh(shapes.merge(*[shapes.box((0.09, STOREY - slab - 0.54, 0.12), (0.11 * k, 0, 0.02 * (k % 2))) for k in range(-2, 3)]), "pilaster", "plaster")
+    for level in (0.0, STOREY):
+        for i in range(int(2 * half_l / BAY) + 1):
+            for side in (-1, 1):
+                x, z, turn = -half_l + i * BAY, side * (outer_w - 0.07), 0.0 if side < 0 else np.pi
+                place(base, x, level + 0.15, z, turn)
+                place(shaft, x, level + 0.3 + (STOREY - slab - 0.54) / 2, z, turn)
+                place(capital, x, level + STOREY - slab - 0.12, z, turn)
+    # Roof of pan and cover tiles, falling towards the court, with a ridge along the outer wall.
+    slope, tile_length = 0.30, 0.62
+    rows = int(np.ceil((AISLE + 0.9) / np.cos(slope) / tile_length))
+    covers = [mesh(roof_tile(tile_length + 0.08, 0.11, True), f"cover tile {key}", key) for key in ("tile", "dark tile")]
+    pan = mesh(roof_tile(tile_length * rows, 0.13, False), "pan tiles", "dark tile")
+    generator = np.random.default_rng(11)
+    def slope_at(x, z, turn):
+        return shapes.translation(x, 2 * STOREY + 1.55, z) @ shapes.rotation_y(turn) @ shapes.rotation_x(slope)
+    fields = [((-outer_l + 0.2 + i * 0.31, -outer_w), 0.0) for i in range(int(2 * outer_l / 0.31))]
+    fields += [((outer_l - 0.2 - i * 0.31, outer_w), np.pi) for i in range(int(2 * outer_l / 0.31))]
+    for (x, z), turn in fields:
+        place.at(pan, slope_at(x, z, turn) @ shapes.translation(0.155, 0.07, 0))
+        for row in range(rows):
+            kind = covers[int(generator.random() < 0.3)]
+            place.at(kind, slope_at(x, z, turn) @ shapes.translation(0, 0.12 + 0.012 * (row % 2), row * tile_length))
+    ridge = mesh(roof_tile(0.55, 0.16, True), "ridge tile", "tile")
+    for side in (-1, 1):
+        for i in range(int(2 * outer_l / 0.5)):
+            place.at(ridge, shapes.translation(-outer_l + 0.2 + i * 0.5, 2 * STOREY + 1.62, side * outer_w) @ shapes.rotation_y(np.pi / 2))
+    rafter = mesh(shapes.box((0.12, 0.14, (AISLE + 0.8) / np.cos(slope)), (0, 0, (AISLE + 0.8) / np.cos(slope) / 2)), "rafter", "wood")
+    parapet = mesh(shapes.box((BAY, 1.5, 0.3)), "attic", "plaster")
+    for side in (-1, 1):
+        turn, z = (0.0, -outer_w) if side < 0 else (np.pi, outer_w)
+        for i in range(int(2 * outer_l / 0.7)):
+            place.at(rafter, slope_at(-outer_l + 0.35 + i * 0.7, z, turn) @ shapes.translation(0, -0.1, 0))
+        for i in range(int(2 * outer_l / BAY) + 1):
+            place(parapet, -outer_l + min((i + 0.5) * BAY, 2 * outer_l - BAY / 2), 2 * STOREY + 0.75, side * (outer_w + 0.05))
+
+
+class Placer:
+    """scene.instance by place and turn, or by matrix."""
+
+    def __init__(self, scene):
+        self.scene = scene
+
+    def __call__(self, index, x, y, z, turn=0.0, name=None):
+        return self.at(index, shapes.translation(x, y, z) @ shapes.rotation_y(turn), name)
+
+    def at(self, index, transform, name=None):
+        return self.scene.instance(index, transform, name)
+
+
 def build(scene) -> None:
     material = materials(scene)
+    place = Placer(scene)
 
     def mesh(shape, name, key):
         return scene.mesh(material=material[key], name=name, **shape)
-
-    def place(index, x, y, z, turn=0.0, name=None):
-        return scene.instance(index, shapes.translation(x, y, z) @ shapes.rotation_y(turn), name)
 
     half_l, half_w = LENGTH / 2, WIDTH / 2
     outer_l, outer_w = half_l + AISLE, half_w + AISLE
@@ -156,8 +259,9 @@ def build(scene) -> None:
     rail = mesh(shapes.box((BAY, 0.1, 0.16)), "rail", "marble")
     lintel = mesh(shapes.box((BAY, STOREY - slab - COLUMN - 1.25, 0.5)), "lintel", "plaster")
     lamp = mesh(shapes.sphere(0.12, 16), "lamp", "lamp")
-    chain = mesh(shapes.lathe([(0.012, 0), (0.012, 0.7)], 6), "chain", "bronze")
     beam = mesh(shapes.box((0.16, 0.2, AISLE)), "beam", "wood")
+    stones = [mesh(stone, f"voussoir {k}", "marble" if k != 5 else "plaster")
+              for k, stone in enumerate(voussoirs(span, 1.0, 11, 0.56))]
     bays = [(("x"), i) for i in range(int(LENGTH // BAY))]
     cloths = [mesh(shapes.cloth(1.9, 2.6, 5, 0.08), f"{key} cloth", key) for key in ("red", "green", "blue")]
     lintel_y = COLUMN + 1.25 + (STOREY - slab - COLUMN - 1.25) / 2
@@ -165,6 +269,8 @@ def build(scene) -> None:
     def run_bay(x, z, turn, level, index, hangs):
         """One bay whose middle is at (x, z) and which faces along `turn`."""
         place(arch, x, level + COLUMN, z, turn)
+        for stone in stones:
+            place(stone, x, level + COLUMN, z, turn)
         place(lintel, x, level + lintel_y, z, turn)
         if level > 0:
             along = np.array([np.cos(turn), -np.sin(turn)])
@@ -174,7 +280,7 @@ def build(scene) -> None:
             place(rail, x, level + 0.9, z, turn)
             if hangs:
                 inward = np.array([np.sin(turn), np.cos(turn)])
-                place(cloths[index % 3], x + inward[0] * 0.35, level + 0.85, z + inward[1] * 0.35, turn)
+                place(cloths[index % 3], x + inward[0] * 0.56, level + 0.85, z + inward[1] * 0.56, turn)
 
     for level in (0.0, STOREY):
         for i in range(int(LENGTH / BAY) + 1):
@@ -197,10 +303,31 @@ def build(scene) -> None:
         if i % 2 == 0:
             for side in (-1, 1):
                 x, z = -half_l + (i + 0.5) * BAY, side * (half_w + AISLE / 2)
-                place(chain, x, STOREY - slab - 0.7, z)
                 place(lamp, x, STOREY - slab - 0.8, z)
                 scene.light("point", (150.0, 105.0, 55.0), (x, STOREY - slab - 0.8, z), range=12.0, casts_shadow=False,
                             name=f"lamp {i} {'north' if side < 0 else 'south'}")
+
+    trim(place, mesh, material, half_l, half_w)
+
+    # Lanterns hang on links, every second one turned.
+    link = mesh(shapes.torus(0.03, 0.008, 10, 6), "link", "bronze")
+    for _, i in bays:
+        if i % 2 == 0:
+            for side in (-1, 1):
+                x, z = -half_l + (i + 0.5) * BAY, side * (half_w + AISLE / 2)
+                for k in range(14):
+                    place.at(link, shapes.translation(x, STOREY - slab - 0.03 - 0.05 * k, z) @ shapes.rotation_y(np.pi / 2 * (k % 2)))
+
+    # Urns between the planters, benches along the colonnade.
+    urn = mesh(shapes.lathe([(0.14, 0), (0.16, 0.05), (0.08, 0.14), (0.22, 0.42), (0.27, 0.66), (0.14, 0.86), (0.12, 0.94), (0.17, 1.0)], 24), "urn", "plaster")
+    seat, leg = mesh(shapes.box((1.7, 0.09, 0.45)), "bench", "marble"), mesh(shapes.box((0.16, 0.42, 0.38)), "bench leg", "marble")
+    for i in range(int(LENGTH / BAY)):
+        for side in (-1, 1):
+            x = -half_l + (i + 0.5) * BAY
+            place(urn, x + BAY / 2, 0, side * (half_w - 0.85))
+            place(seat, x, 0.465, side * (outer_w - 0.55))
+            for end in (-1, 1):
+                place(leg, x + 0.65 * end, 0.21, side * (outer_w - 0.55))
 
     # Fountain: steps, bowl, water, and a bronze ball lit by a spot.
     place(mesh(shapes.merge(shapes.lathe([(2.3, 0), (2.3, 0.15), (1.9, 0.15), (1.9, 0.3), (1.6, 0.3), (1.6, 0.75), (1.45, 0.75), (1.45, 0.45)], 48)), "fountain", "marble"), 0, 0, 0)

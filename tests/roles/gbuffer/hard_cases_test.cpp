@@ -248,6 +248,59 @@ TEST(GbufferRaster, TrianglesSmallerThanAPixelTakeTheRightMip) {
     }
 }
 
+TEST(GbufferRaster, EveryTextureHasItsOwnTransformAndFilter) {
+  // Two texels, black and white, over a quad that fills the view; the base colour's image is shown twice, the
+  // emission's upside down and once, with square texels.
+  const std::vector<std::uint8_t> rgba = {0, 0, 0, 255, 255, 255, 255, 255};
+  Scene scene;
+  std::uint32_t ids[2] = {0, 0};
+  for (std::uint32_t i = 0; i < 2; ++i) {
+    heddle_texture texture{};
+    texture.struct_size = sizeof texture;
+    texture.width = 2;
+    texture.height = 1;
+    texture.filter = HEDDLE_FILTER_NEAREST_MAGNIFIED | HEDDLE_FILTER_NEAREST_MINIFIED | HEDDLE_FILTER_FINEST_LEVEL;
+    texture.rgba = rgba.data();
+    check(heddle_scene_add_texture(scene.handle, nullptr, &texture, &ids[i]));
+  }
+  heddle_material material{};
+  material.struct_size = sizeof material;
+  std::fill(std::begin(material.textures), std::end(material.textures), HEDDLE_NONE);
+  material.textures[HEDDLE_TEXTURE_BASE_COLOR] = ids[0];
+  material.textures[HEDDLE_TEXTURE_EMISSIVE] = ids[1];
+  material.record = Scene::grey();
+  for (int i = 0; i < 3; ++i) material.record.base_color[i] = material.record.emissive[i] = 1.0F;
+  material.record.uv_rotation_scale[0] = 2.0F;
+  material.record.uv_rotation_scale_4[1] = -1.0F;  // u' = v, v' = -u
+  material.record.uv_rotation_scale_4[2] = 1.0F;
+  std::uint32_t id = 0;
+  check(heddle_scene_add_material(scene.handle, nullptr, &material, &id));
+  const std::vector<float> positions = {-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0}, uvs = {0, 1, 1, 1, 1, 0, 0, 0};
+  const std::vector<std::uint32_t> indices = {0, 1, 2, 0, 2, 3};
+  heddle_mesh mesh{};
+  mesh.struct_size = sizeof mesh;
+  mesh.vertex_count = 4;
+  mesh.index_count = 6;
+  mesh.positions = positions.data();
+  mesh.uv0 = uvs.data();
+  mesh.indices = indices.data();
+  std::uint32_t mesh_id = 0;
+  check(heddle_scene_add_mesh(scene.handle, nullptr, &mesh, id, &mesh_id));
+  const dmat4 place = glm::translate(dmat4(1.0), dvec3(0, 0, -1));
+  check(heddle_scene_add_instance(scene.handle, nullptr, mesh_id, &place[0][0], &id));
+  scene.look({0, 0, 0}, {0, 0, -1}, 0.5 * kPi);
+  Graph graph(
+      "extent = [128, 128]\noutput = \"gbuffer.base_color\"\n[[pass]]\nname = \"gbuffer\"\nrole = \"gbuffer\"\n"
+      "technique = \"raster\"\nparams.precision = \"float32\"\n");
+  graph.keep("gbuffer.emissive");
+  const Image base_color = graph.image(scene), emissive = graph.read("gbuffer.emissive");
+  for (std::uint32_t y = 0; y < kSize; ++y)
+    for (std::uint32_t x = 0; x < kSize; ++x) {
+      ASSERT_EQ(base_color.at(x, y, 0), x / 32 % 2 == 0 ? 0.0F : 1.0F) << x << ", " << y;
+      ASSERT_EQ(emissive.at(x, y, 0), y < 64 ? 0.0F : 1.0F) << x << ", " << y;
+    }
+}
+
 TEST(GbufferRaster, MotionIsPreviousMinusCurrentPixels) {
   Scene scene;
   scene.add_mesh({-1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0}, {}, {0, 1, 2, 0, 2, 3},

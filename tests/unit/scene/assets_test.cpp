@@ -10,7 +10,7 @@
 
 #include "json.hpp"
 #include "scene/upload.hpp"
-#include "unit/scene/gltf_file.hpp"
+#include "unit/scene/gltf_fixture.hpp"
 
 namespace heddle::scene {
 namespace {

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-#include "unit/scene/gltf_file.hpp"
+#include "unit/scene/gltf_fixture.hpp"
 
 namespace heddle::scene {
 namespace {
@@ -103,6 +103,15 @@ TEST(BuildMesh, EqualCornersShareTheirTangentsAverage) {
   const Mesh mesh = build_mesh("a", 0, attributes, 0);
   EXPECT_EQ(tangent_of(mesh.vertices[1]), tangent_of(mesh.vertices[3]));
   EXPECT_EQ(tangent_of(mesh.vertices[1]), glm::vec4(1, 0, 0, 1));  // across the ridge: the slopes cancel
+}
+
+TEST(BuildMesh, TangentsFollowTheImageWhereItsTransformTurnsIt) {
+  // u' = v, v' = -u: the image's axis u' grows where v does, downwards on the quad.
+  const Mesh turned = build_mesh("a", 0, quad(), 0, {0, -1, 1, 0});
+  EXPECT_NEAR(glm::distance(tangent_of(turned.vertices[0]), glm::vec4(0, -1, 0, 1)), 0, 1e-6);
+  // Mirrored along u: the tangent turns round, and the handedness with it.
+  const Mesh mirrored = build_mesh("a", 0, quad(), 0, {-1, 0, 0, 1});
+  EXPECT_NEAR(glm::distance(tangent_of(mirrored.vertices[0]), glm::vec4(-1, 0, 0, -1)), 0, 1e-6);
 }
 
 TEST(BuildMesh, GivenTangentsStay) {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "unit/scene/gltf_file.hpp"
+#include "unit/scene/gltf_fixture.hpp"
 
 namespace heddle::scene {
 namespace {
@@ -158,7 +158,8 @@ TEST_F(GltfErrors, ImagesBeyondTheirBuffers) {
 
 TEST_F(GltfErrors, MissingBuffers) {
   file_.json["buffers"] = Json::array({{{"byteLength", 36}, {"uri", "none.bin"}}});
-  EXPECT_THAT(error_of(file_), HasSubstr("the file is no valid glTF"));
+  EXPECT_EQ(error_of(file_),
+            "the file names 'none.bin', which is not there\n  expected: a file beside " + (folder_ / "a.glb").string());
   file_.json["buffers"] = Json::array({{{"byteLength", 36000}}});
   EXPECT_THAT(error_of(file_), HasSubstr("the file is no valid glTF"));
   file_.json["buffers"] = Json::array();
@@ -282,6 +283,118 @@ TEST_F(GltfErrors, Cameras) {
   file_.json["nodes"][0]["camera"] = 0;
   file_.json["cameras"] = Json::array({{{"type", "perspective"}, {"perspective", {{"yfov", 4}, {"znear", 0.1}}}}});
   EXPECT_THAT(error_of(file_), HasSubstr("camera 'node 0' has no proper angle or size"));
+}
+
+TEST_F(GltfErrors, FilesOutsideOfTheFoldersAreNotTouched) {
+  std::ofstream(folder_.parent_path() / (folder_.filename().string() + ".bin"), std::ios::binary)
+      << std::string(36, '\0');
+  const std::string outside = "../" + folder_.filename().string() + ".bin";
+  const auto expected = [&](const std::string& name) {
+    return "the file names a file outside of its folder: '" + name +
+           "'\n  expected: files beside it or below\n"
+           "  help:     if you trust it, load it with HEDDLE_LOAD_TRUSTED, or with --trust-files on the command";
+  };
+  file_.json["buffers"] = Json::array({{{"byteLength", 36}, {"uri", outside}}});
+  file_.json["accessors"][1]["bufferView"] = 0;
+  file_.json["accessors"][1]["componentType"] = kUnsignedInt;
+  EXPECT_EQ(error_of(file_), expected(outside));
+  // A link is followed before the question is asked.
+  std::filesystem::create_symlink("/etc/passwd", folder_ / "link.bin");
+  file_.json["buffers"][0]["uri"] = "link.bin";
+  EXPECT_EQ(error_of(file_), expected("link.bin"));
+  file_.json["buffers"][0]["uri"] = "%2e%2e/" + folder_.filename().string() + ".bin";
+  EXPECT_EQ(error_of(file_), expected(outside));
+  // Trusted files may.
+  file_.json["buffers"][0]["uri"] = outside;
+  Scene scene;
+  LoadLimits trusted;
+  trusted.leaves_folder = true;
+  EXPECT_NO_THROW(load_gltf(scene, save(file_.glb()), trusted));
+  std::filesystem::remove(folder_.parent_path() / (folder_.filename().string() + ".bin"));
+}
+
+TEST_F(GltfErrors, FoldersAndDevicesAreNoBuffers) {
+  std::filesystem::create_directory(folder_ / "sub");
+  file_.json["buffers"] = Json::array({{{"byteLength", 36}, {"uri", "sub"}}});
+  EXPECT_EQ(error_of(file_),
+            "the file names 'sub', which is not there\n  expected: a file beside " + (folder_ / "a.glb").string());
+}
+
+TEST_F(GltfErrors, BrokenDataUrisAreQuotedInShort) {
+  file_.json["buffers"] =
+      Json::array({{{"byteLength", 36}, {"uri", "data:application/octet-stream;base64," + std::string(100000, '!')}}});
+  const std::string message = error_of(file_);
+  EXPECT_THAT(message, HasSubstr("the file is no valid glTF\n  found:    Failed to decode 'uri' : data:application"));
+  EXPECT_LT(message.size(), 300U);
+}
+
+class GltfLimits : public GltfTest {
+ protected:
+  std::string refused(const GltfFile& file, std::uint64_t bytes) const {
+    Scene scene;
+    LoadLimits limits;
+    limits.bytes = bytes;
+    try {
+      load_gltf(scene, save(file.glb()), limits);
+    } catch (const Error& error) {
+      EXPECT_EQ(error.status(), HEDDLE_BAD_INPUT);
+      const std::string text = error.what(), prefix = (folder_ / "a.glb").string() + ": error: ";
+      return text.substr(std::min(prefix.size(), text.size()));
+    }
+    return "no error";
+  }
+};
+
+TEST_F(GltfLimits, SmallFilesThatUnfoldAreStoppedBeforeTheyDo) {
+  // 2000 nodes that each show a mesh of 2000 primitives: four million instances from a few kilobytes.
+  GltfFile file;
+  const Json triangle = file.triangle();
+  Json primitives = Json::array();
+  for (int i = 0; i < 2000; ++i) {
+    primitives.push_back(triangle);
+  }
+  file.json["meshes"] = Json::array({{{"primitives", primitives}}});
+  for (int i = 0; i < 2000; ++i) {
+    file.node({{"mesh", 0}});
+  }
+  const std::string message = refused(file, 64ULL << 20);
+  EXPECT_THAT(message, testing::StartsWith("node "));
+  EXPECT_EQ(message.substr(std::min(message.find(':'), message.size())),
+            ": the file needs more memory than it may\n  expected: at most 64 MiB in all\n"
+            "  help:     if you trust it, load it with HEDDLE_LOAD_TRUSTED, or with --trust-files on the command");
+}
+
+TEST_F(GltfLimits, AccessorsCountEveryTimeTheyAreRead) {
+  GltfFile file;
+  file.json["accessors"].push_back({{"componentType", kFloat}, {"type", "VEC3"}, {"count", 1U << 20}});
+  Json primitives = Json::array();
+  for (int i = 0; i < 50; ++i) {
+    primitives.push_back({{"attributes", {{"POSITION", 0}}}, {"indices", file.indices({0, 1, 2})}});
+  }
+  file.json["meshes"] = Json::array({{{"primitives", primitives}}});
+  file.node({{"mesh", 0}});
+  EXPECT_THAT(refused(file, 512ULL << 20), HasSubstr(": the file needs more memory than it may"));
+}
+
+TEST_F(GltfLimits, JsonCountsWhatTheParserMakesOfIt) {
+  GltfFile file;
+  for (int i = 0; i < 100000; ++i) {
+    file.json["nodes"].push_back(Json::object());
+  }
+  EXPECT_THAT(refused(file, 64ULL << 20), HasSubstr("the JSON: the file needs more memory than it may"));
+}
+
+TEST_F(GltfLimits, ImagesAreAskedForTheirSizeFirst) {
+  // A PNG's header that claims 16384 x 16384 pixels; what follows does not matter any more.
+  GltfFile file;
+  const std::string png("\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x40\0\0\0\x40\0\x08\x06\0\0\0\xad\x89\xee\x9f", 33);
+  file.json["images"] = Json::array({{{"bufferView", file.view(png.data(), png.size())}, {"mimeType", "image/png"}}});
+  file.json["textures"] = Json::array({{{"source", 0}}});
+  file.json["materials"] = Json::array({{{"emissiveTexture", {{"index", 0}}}}});
+  Json triangle = file.triangle();
+  triangle["material"] = 0;
+  file.node({{"mesh", file.mesh(triangle)}});
+  EXPECT_THAT(refused(file, 64ULL << 20), HasSubstr("16384 x 16384 pixels, of at most 167"));
 }
 
 }  // namespace

@@ -2,7 +2,7 @@
 // Skins and morph targets as the file poses them.
 #include <gmock/gmock.h>
 
-#include "unit/scene/gltf_file.hpp"
+#include "unit/scene/gltf_fixture.hpp"
 
 namespace heddle::scene {
 namespace {

@@ -4,10 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "image/image.hpp"
-#include "unit/scene/gltf_file.hpp"
+#include "unit/scene/gltf_fixture.hpp"
 
 namespace heddle::scene {
 namespace {
@@ -427,6 +428,168 @@ TEST_F(Gltf, TextFilesFindBuffersBesideThem) {
   Scene scene;
   load_gltf(scene, save(json.dump(), "a.gltf"));
   EXPECT_EQ(scene.meshes.at(0).indices.size(), 3U);
+}
+
+TEST_F(Gltf, EveryTextureKeepsItsOwnTransform) {
+  GltfFile file;
+  const int image = png(file, {1, 1, 1, 1});
+  Json triangle = file.triangle();
+  triangle["material"] = 0;
+  file.node({{"mesh", file.mesh(triangle)}});
+  const int used = texture(file, image);
+  const auto info = [&](double scale, double offset) {
+    return Json{{"index", used},
+                {"extensions", {{"KHR_texture_transform", {{"scale", {scale, 1}}, {"offset", {offset, 0}}}}}}};
+  };
+  file.json["materials"] = Json::array(
+      {{{"pbrMetallicRoughness", {{"baseColorTexture", info(2, 0.1)}, {"metallicRoughnessTexture", info(3, 0.2)}}},
+        {"normalTexture", info(4, 0.3)},
+        {"occlusionTexture", {{"index", used}}},
+        {"emissiveTexture", info(6, 0.5)}}});
+  const Scene scene = load(file);
+  EXPECT_THAT(scene.warnings, testing::IsEmpty());
+  const HeddleMaterial& record = scene.materials.at(0).record;
+  const std::array<float, 5> scales = {2, 3, 4, 1, 6}, offsets = {0.1F, 0.2F, 0.3F, 0, 0.5F};
+  for (std::uint32_t i = 0; i < HEDDLE_TEXTURE_COUNT; ++i) {
+    EXPECT_EQ(texture_transform(record, i).matrix[0], scales[i]) << i;
+    EXPECT_EQ(texture_transform(record, i).offset[0], offsets[i]) << i;
+  }
+}
+
+TEST(TextureTransform, OfZerosIsTheBaseColours) {
+  HeddleMaterial record{};
+  set_texture_transform(record, HEDDLE_TEXTURE_BASE_COLOR, {{0, 2, 3, 0}, {4, 5}});
+  EXPECT_EQ(texture_transform(record, HEDDLE_TEXTURE_EMISSIVE).matrix[1], 2);
+  EXPECT_EQ(texture_transform(record, HEDDLE_TEXTURE_EMISSIVE).offset[1], 5);
+  set_texture_transform(record, HEDDLE_TEXTURE_EMISSIVE, {{1, 0, 0, 1}, {6, 0}});
+  EXPECT_EQ(texture_transform(record, HEDDLE_TEXTURE_EMISSIVE).offset[0], 6);
+  EXPECT_EQ(texture_transform(record, HEDDLE_TEXTURE_NORMAL).offset[0], 4);
+}
+
+TEST_F(Gltf, SamplersKeepTheirFilters) {
+  struct Case {
+    int minified, magnified;
+    std::uint32_t filter;
+  };
+  const std::vector<Case> cases = {
+      {0, 0, 0},
+      {9987, 9729, 0},
+      {9987, 9728, HEDDLE_FILTER_NEAREST_MAGNIFIED},
+      {9728, 9728, HEDDLE_FILTER_NEAREST_MAGNIFIED | HEDDLE_FILTER_NEAREST_MINIFIED | HEDDLE_FILTER_FINEST_LEVEL},
+      {9729, 9729, HEDDLE_FILTER_FINEST_LEVEL},
+      {9984, 9729, HEDDLE_FILTER_NEAREST_MINIFIED | HEDDLE_FILTER_NEAREST_LEVEL},
+      {9985, 9729, HEDDLE_FILTER_NEAREST_LEVEL},
+      {9986, 9729, HEDDLE_FILTER_NEAREST_MINIFIED}};
+  for (const Case& expected : cases) {
+    GltfFile file;
+    Json sampler = Json::object();
+    if (expected.minified != 0) {
+      sampler = {{"minFilter", expected.minified}, {"magFilter", expected.magnified}};
+    }
+    file.json["samplers"] = Json::array({sampler});
+    Json triangle = file.triangle();
+    triangle["material"] = 0;
+    file.node({{"mesh", file.mesh(triangle)}});
+    const int used = texture(file, png(file, {1, 1, 1, 1}), 0);
+    file.json["materials"] = Json::array({{{"emissiveTexture", {{"index", used}}}}});
+    EXPECT_EQ(load(file).textures.at(0).filter, expected.filter) << expected.minified << " " << expected.magnified;
+  }
+}
+
+TEST_F(Gltf, MaterialsOutOfRangeAreBroughtIntoItAndSaid) {
+  GltfFile file;
+  Json triangle = file.triangle();
+  triangle["material"] = 0;
+  file.node({{"mesh", file.mesh(triangle)}});
+  file.json["materials"] = Json::array(
+      {{{"name", "odd"},
+        {"pbrMetallicRoughness", {{"metallicFactor", -1}, {"roughnessFactor", 7}, {"baseColorFactor", {1, 2, 0, 1}}}},
+        {"extensions",
+         {{"KHR_materials_ior", {{"ior", 0.5}}}, {"KHR_materials_transmission", {{"transmissionFactor", 3}}}}}}});
+  Scene scene = load(file);
+  EXPECT_EQ(scene.materials[0].record.roughness, 1);
+  EXPECT_EQ(scene.materials[0].record.metalness, 0);
+  EXPECT_EQ(scene.materials[0].record.ior, 1);
+  EXPECT_THAT(scene.warnings,
+              testing::ElementsAre("material 'odd': its base colour is 2, out of range: 1 used",
+                                   "material 'odd': its metalness is -1, out of range: 0 used",
+                                   "material 'odd': its roughness is 7, out of range: 1 used",
+                                   "material 'odd': its index of refraction is 0.5, out of range: 1 used",
+                                   "material 'odd': its transmission is 3, out of range: 1 used"));
+  file.json["materials"][0] = {{"name", "mirror"}, {"extensions", {{"KHR_materials_ior", {{"ior", 0}}}}}};
+  scene = load(file);
+  EXPECT_EQ(scene.materials[0].record.ior, 1.5F);
+  EXPECT_THAT(scene.warnings,
+              testing::ElementsAre("material 'mirror': its index of refraction is 0, which reflects all "
+                                   "light and is not known here: 1.5 used"));
+}
+
+TEST_F(Gltf, QuantizedPositionsAreReadFromEveryKindOfInteger) {
+  struct Kind {
+    int type;
+    bool normalized;
+    float one;  // what the largest number becomes
+  };
+  for (const Kind& kind : {Kind{kByte, false, 127}, Kind{kByte, true, 1}, Kind{kUnsignedByte, false, 255},
+                           Kind{kUnsignedByte, true, 1}, Kind{kShort, false, 32767}, Kind{kShort, true, 1},
+                           Kind{kUnsignedShort, false, 65535}, Kind{kUnsignedShort, true, 1}}) {
+    GltfFile file;
+    const auto triangle = [&]<typename Value>(Value largest) {
+      return file.accessor(kind.type, "VEC3", 3, std::vector<Value>{0, 0, 0, largest, 0, 0, 0, largest, 0},
+                           kind.normalized);
+    };
+    const int positions = kind.type == kByte           ? triangle(std::numeric_limits<std::int8_t>::max())
+                          : kind.type == kUnsignedByte ? triangle(std::numeric_limits<std::uint8_t>::max())
+                          : kind.type == kShort        ? triangle(std::numeric_limits<std::int16_t>::max())
+                                                       : triangle(std::numeric_limits<std::uint16_t>::max());
+    file.node({{"mesh", file.mesh({{"attributes", {{"POSITION", positions}}}})}});
+    file.json["extensionsUsed"] = file.json["extensionsRequired"] = {"KHR_mesh_quantization"};
+    EXPECT_THAT(corners(load(file).meshes.at(0)),
+                testing::ElementsAre(glm::vec3(0), glm::vec3(kind.one, 0, 0), glm::vec3(0, kind.one, 0)))
+        << kind.type << kind.normalized;
+  }
+}
+
+TEST_F(Gltf, SeparateAndEmbeddedFilesAreTheSameScene) {
+  GltfFile file;
+  file.node({{"mesh", file.mesh(file.triangle())}});
+  Scene separate, embedded;
+  Json whole = file.json;
+  std::filesystem::create_directory(folder_ / "data of it");
+  std::ofstream(folder_ / "data of it" / "a.bin", std::ios::binary) << file.binary;
+  whole["buffers"] = Json::array({{{"byteLength", file.binary.size()}, {"uri", "data%20of%20it/a.bin"}}});
+  load_gltf(separate, save(whole.dump(), "a.gltf"));
+  // Base64 by hand: three bytes are four letters.
+  constexpr const char* kLetters = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string padded = file.binary, letters;
+  padded.resize((padded.size() + 2) / 3 * 3);
+  for (std::size_t i = 0; i < padded.size(); i += 3) {
+    const auto byte = [&](std::size_t k) {
+      return static_cast<std::uint32_t>(static_cast<unsigned char>(padded[i + k]));
+    };
+    const std::uint32_t word = byte(0) << 16 | byte(1) << 8 | byte(2);
+    for (int shift = 18; shift >= 0; shift -= 6) {
+      letters += kLetters[word >> shift & 63U];
+    }
+  }
+  whole["buffers"] =
+      Json::array({{{"byteLength", padded.size()}, {"uri", "data:application/octet-stream;base64," + letters}}});
+  load_gltf(embedded, save(whole.dump(), "b.gltf"));
+  const Scene packed = load(file);
+  for (const Scene* scene : {&separate, &embedded}) {
+    EXPECT_EQ(corners(scene->meshes.at(0)), corners(packed.meshes.at(0)));
+  }
+}
+
+TEST_F(Gltf, UnknownExtensionsAreNamedAndLeftOut) {
+  GltfFile file;
+  Json triangle = file.triangle();
+  triangle["extensions"]["KHR_materials_variants"]["mappings"] = Json::array({{{"material", 0}}});
+  file.node({{"mesh", file.mesh(triangle)}});
+  file.json["extensionsUsed"] = {"KHR_materials_variants", "KHR_materials_ior"};
+  const Scene scene = load(file);
+  EXPECT_EQ(scene.instances.size(), 1U);
+  EXPECT_THAT(scene.ignored_extensions, testing::ElementsAre("KHR_materials_variants"));
 }
 
 }  // namespace

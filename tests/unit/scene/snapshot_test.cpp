@@ -121,6 +121,15 @@ TEST(AlphaTest, FiltersBilinearlyAgainstTheCutoff) {
   EXPECT_EQ(at(scene, 0.51F), 0U);
 }
 
+TEST(AlphaTest, ShowsWholeTexelsWhereTheSamplerDoes) {
+  Scene scene = masked_quad();
+  scene.materials[0].record.alpha_cutoff = 0.1F;
+  EXPECT_EQ(at(scene, 0.55F), 1U) << "blended: alpha is still 0.4";
+  scene.textures[0].filter = HEDDLE_FILTER_NEAREST_MAGNIFIED;
+  EXPECT_EQ(at(scene, 0.55F), 0U);
+  EXPECT_EQ(at(scene, 0.45F), 1U);
+}
+
 TEST(AlphaTest, WrapsAsTheSamplerDoes) {
   Scene scene = masked_quad();
   scene.materials[0].record.uv_offset[0] = 1.0F;  // one image further

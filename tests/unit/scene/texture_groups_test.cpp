@@ -40,15 +40,17 @@ TEST(TexturePlan, EqualShapesShareAnArrayAndMaterialsAGroup) {
   EXPECT_EQ(plan.places[1].layers[HEDDLE_TEXTURE_NORMAL], HEDDLE_NO_TEXTURE);
 }
 
-TEST(TexturePlan, FormatSizeAndWrapKeepArraysApart) {
+TEST(TexturePlan, FormatSizeWrapAndFilterKeepArraysApart) {
   Scene scene;
   add_material(scene, add_texture(scene, 8, true));
   add_material(scene, add_texture(scene, 8, false));
   add_material(scene, add_texture(scene, 16, true));
   add_material(scene, add_texture(scene, 8, true, {0, 2}));
+  add_material(scene, add_texture(scene, 8, true));
+  scene.textures.back().filter = HEDDLE_FILTER_NEAREST_MAGNIFIED;
   const TexturePlan plan = plan_textures(scene, 4096, 256);
-  EXPECT_EQ(plan.arrays.size(), 4U);
-  EXPECT_EQ(plan.groups.size(), 4U);
+  EXPECT_EQ(plan.arrays.size(), 5U);
+  EXPECT_EQ(plan.groups.size(), 5U);
 }
 
 TEST(TexturePlan, MaterialsWithoutATextureJoinAnyGroupThatAgrees) {
