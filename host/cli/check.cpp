@@ -2,13 +2,13 @@
 // heddle check: proves that a graph does what it declares, whatever the order of its stages and the state of memory.
 
 #include "cli/session.hpp"
+#include "json.hpp"
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <memory>
-#include <nlohmann/json.hpp>
 
 namespace heddle::cli {
 
@@ -38,8 +38,8 @@ int check_graph(CheckArguments& arguments) {
     fmt::print("{}\n", text);
     return HEDDLE_OK;
   }
-  const nlohmann::json report = nlohmann::json::parse(text);
-  const auto join = [](const nlohmann::json& list) {
+  const Json report = parse_json(text);
+  const auto join = [](const Json& list) {
     return fmt::format("{}", fmt::join(list.get<std::vector<std::string>>(), ", "));
   };
   fmt::print("{} runs of {} frames, nothing found\n", report["runs"].get<int>(), report["frames"].get<int>());
