@@ -119,7 +119,9 @@ class Table {
     return static_cast<std::uint32_t>(found - names.begin());
   }
   [[nodiscard]] const toml::node* find(const char* key) {
-    known_.emplace_back(key);
+    if (std::find(known_.begin(), known_.end(), key) == known_.end()) {
+      known_.emplace_back(key);
+    }
     return table_.get(key);
   }
   void finish() {
@@ -376,12 +378,18 @@ class Overlay {
       return std::find(names.begin(), names.end(), name) != names.end();
     };
     each("camera", [&](Table& table, const std::string& name) {
-      changes.push_back(read_camera(table, name, !contains(cameras, name)));
-      cameras.push_back(name);
+      const bool is_new = !contains(cameras, name);
+      changes.push_back(read_camera(table, name, is_new));
+      if (is_new) {
+        cameras.push_back(name);
+      }
     });
     each("light", [&](Table& table, const std::string& name) {
-      changes.push_back(read_light(table, name, !contains(lights, name)));
-      lights.push_back(name);
+      const bool is_new = !contains(lights, name);
+      changes.push_back(read_light(table, name, is_new));
+      if (is_new) {
+        lights.push_back(name);
+      }
     });
     each("material", [&](Table& table, const std::string& name) {
       if (!contains(materials, name)) {

@@ -189,8 +189,25 @@ def test_animations_are_chosen_by_name_or_number(host, tmp_path):
                                      "  expected: one of animation 0, animation 1, animation 2")
 
 
+def turning(path):
+    """A triangle that turns once a second; three animations of the same motion."""
+    made = Maker()
+    made.json["meshes"] = [{"primitives": [{"attributes": {"POSITION": made.accessor(
+        np.array([[-1, -1, 0], [1, -1, 0], [0, 1.5, 0]], np.float32))}, "material": 0}]}]
+    # White in a white world would not be seen.
+    made.json["materials"] = [{"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.1, 0.1, 1], "metallicFactor": 0}}]
+    made.json["nodes"] = [{"mesh": 0}]
+    angles = np.arange(5) * np.pi / 2
+    turns = np.stack([0 * angles, 0 * angles, np.sin(angles / 2), np.cos(angles / 2)], axis=1).astype(np.float32)
+    sampler = {"input": made.accessor(np.linspace(0, 1, 5).astype(np.float32)), "output": made.accessor(turns)}
+    made.json["animations"] = [{"samplers": [sampler], "channels": [
+        {"sampler": 0, "target": {"node": 0, "path": "rotation"}}]} for _ in range(3)]
+    made.write(path)
+    return path
+
+
 def test_the_command_writes_every_frame_of_an_animation(command, tmp_path):
-    made = everything(tmp_path / "a.glb")
+    made = turning(tmp_path / "a.glb")
 
     def run(*arguments):
         return subprocess.run([command, "run", "studio", made, "--set", "extent=[32,32]", *arguments], capture_output=True,

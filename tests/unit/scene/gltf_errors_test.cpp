@@ -385,9 +385,12 @@ TEST_F(GltfLimits, JsonCountsWhatTheParserMakesOfIt) {
 }
 
 TEST_F(GltfLimits, ImagesAreAskedForTheirSizeFirst) {
-  // A PNG's header that claims 16384 x 16384 pixels; what follows does not matter any more.
+  // A PNG's header that claims 16384 x 16384 pixels; no pixels follow.
   GltfFile file;
-  const std::string png("\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x40\0\0\0\x40\0\x08\x06\0\0\0\xad\x89\xee\x9f", 33);
+  const std::string png(
+      "\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\x40\0\0\0\x40\0\x08\x06\0\0\0\xa9\xc8\x10\x84"
+      "\0\0\0\0IDAT\x35\xaf\x06\x1e",
+      45);
   file.json["images"] = Json::array({{{"bufferView", file.view(png.data(), png.size())}, {"mimeType", "image/png"}}});
   file.json["textures"] = Json::array({{{"source", 0}}});
   file.json["materials"] = Json::array({{{"emissiveTexture", {{"index", 0}}}}});
