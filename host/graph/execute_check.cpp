@@ -110,7 +110,10 @@ void Executor::State::scan_outputs(std::uint32_t index) {
     if (!state.image || state.layout == VK_IMAGE_LAYOUT_UNDEFINED) continue;
     const vulkan::ImageShape& shape = state.image.shape();
     barrier_between_all(vk, commands, state.image, state.layout, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
+    // Layers of an attachment that nobody drew this frame (a shadow atlas with room left) hold nothing that was meant.
+    const auto drawn = drawn_layers.find(state.root);
     for (std::uint32_t layer = 0; layer < shape.layers; ++layer) {
+      if (drawn != drawn_layers.end() && drawn->second.count(layer) == 0) continue;
       for (std::uint32_t mip = 0; mip < shape.mips; ++mip) {
         Scan scan{pass, bound->second, layer, mip, std::max(shape.width >> mip, 1U), std::max(shape.height >> mip, 1U),
                   {}};

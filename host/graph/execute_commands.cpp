@@ -476,6 +476,7 @@ void Executor::State::begin_rendering(const PassState& state, heddle_frame& fram
     const auto found = pass.ports.find(access.port);
     if ((!is_color && !is_depth) || found == pass.ports.end()) continue;
     const ResourceState& target = root(found->second);
+    if (is_first) drawn_layers[target.root].insert(std::min(layer, target.image.shape().layers - 1));
     VkRenderingAttachmentInfo attachment{VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO};
     attachment.imageView = target.image.layer_view(std::min(layer, target.image.shape().layers - 1), 0);
     attachment.imageLayout = target.layout;

@@ -381,6 +381,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     s.descriptor_pool = 0;
     s.frame_buffers.clear();
     s.view_count = 0;
+    s.drawn_layers.clear();
     s.program_set = VK_NULL_HANDLE;
     s.errors.clear();
     s.stats.stages.clear();

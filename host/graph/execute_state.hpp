@@ -175,6 +175,7 @@ struct Executor::State {
     vulkan::Buffer texels;
   };
   std::vector<Scan> scans;
+  std::map<ResourceIndex, std::set<std::uint32_t>> drawn_layers;  // this frame, of attachments, by first version
   void name_resources();
   void begin_checked_frame();
   void label_commands(const ScheduledStage* stage);

@@ -105,7 +105,13 @@ class ShadowMap {
       drawing.layer = static_cast<std::uint32_t>(i);
       if (const heddle_status status = frame.draw(drawing); status != HEDDLE_OK) return status;
     }
-    return HEDDLE_OK;
+    if (!views_.empty()) return HEDDLE_OK;
+    // No light has a map. Callers bind the atlas all the same, so it must hold something: one clear, no triangles.
+    heddle_draw nothing = Frame::drawing("depth");
+    const HeddleView view{};
+    nothing.view = &view;
+    nothing.require = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_BLENDED;  // no surface is both
+    return frame.draw(nothing);
   }
 
  private:
