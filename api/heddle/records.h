@@ -124,7 +124,7 @@ HEDDLE_UINT(flip)                     // 1: the transform mirrors (negative dete
 HEDDLE_END_RECORD(HeddleInstance)
 #define HEDDLE_SURFACE_OPAQUE 1u
 #define HEDDLE_SURFACE_MASKED 2u
-#define HEDDLE_SURFACE_BLENDED 4u
+#define HEDDLE_SURFACE_BLENDED 4u // alpha below 1, or light passes through: what is behind shows
 #define HEDDLE_SURFACE_CASTS_SHADOW 8u
 #define HEDDLE_SURFACE_DOUBLE_SIDED 16u
 

@@ -269,6 +269,7 @@ vulkan::BoundPort Executor::State::bound_port(const Pass& pass, const Access& ac
   const RolePort* contract = pass.role->find_port(access.port);
   bound.port = access.port;
   bound.access = access.access;
+  bound.blend = access.blend;
   bound.type = port.type;
   bound.glsl = port.glsl;
   if (contract != nullptr) bound.neutral = contract->neutral;
@@ -337,7 +338,10 @@ vulkan::RasterState Executor::State::raster_state(const Pass& pass, const Shader
     const auto found = pass.ports.find(access.port);
     if (found == pass.ports.end()) continue;
     const auto format = static_cast<VkFormat>(graph.resources[resources[found->second].root].format);
-    if (access.access == HEDDLE_ACCESS_COLOR) raster.color_formats.push_back(format);
+    if (access.access == HEDDLE_ACCESS_COLOR) {
+      raster.color_formats.push_back(format);
+      raster.blends.push_back(access.blend);
+    }
     if (access.access == HEDDLE_ACCESS_DEPTH || access.access == HEDDLE_ACCESS_DEPTH_READ) {
       raster.depth_format = format;
       raster.depth_write = access.access == HEDDLE_ACCESS_DEPTH;

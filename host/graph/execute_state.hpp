@@ -147,6 +147,8 @@ struct Executor::State {
   void bind(const PassState& pass, const ShaderState& shader, const vulkan::Pipeline& pipeline, const void* push,
             std::uint32_t push_bytes);
   vulkan::Buffer switch_table(const Pass& caller, const std::string& role);
+  void draw_surfaces(const PassState& pass, const ShaderState& shader, const heddle_draw& drawing,
+                     const HeddleView& view);
   void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer);
   [[nodiscard]] VkExtent2D attachment_extent(const Pass& pass, const Stage& stage) const;
   std::uint32_t add_view(const HeddleView& view);

@@ -70,6 +70,10 @@ Json names_of(const Elements& elements) {
 
 }  // namespace
 
+bool is_blended(const HeddleMaterial& material) {
+  return material.alpha_mode == HEDDLE_ALPHA_BLEND || material.transmission > 0;
+}
+
 std::uint64_t Scene::new_revision() {
   // Two to the 32 changes of one scene fit between two revisions handed out here.
   static std::atomic<std::uint64_t> last{0};
@@ -138,7 +142,7 @@ std::vector<std::string> Scene::features() const {
     if (is_shown[i] != 0) {
       const Material& material = materials[i];
       masked |= material.record.alpha_mode == HEDDLE_ALPHA_MASK;
-      blended |= material.record.alpha_mode == HEDDLE_ALPHA_BLEND;
+      blended |= is_blended(material.record);
       emissive |= is_emissive(material);
       double_sided |= (material.record.flags & HEDDLE_MATERIAL_DOUBLE_SIDED) != 0;
       textures_used |= is_textured(material);

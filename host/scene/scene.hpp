@@ -32,6 +32,9 @@ struct Material {
   HeddleMaterial record{};                                     // texture_layer* and texture_group are filled by upload
 };
 
+/// What is behind shows through: alpha is coverage, or light passes.
+bool is_blended(const HeddleMaterial& material);
+
 struct Mesh {
   std::string name;
   std::uint32_t material = 0;

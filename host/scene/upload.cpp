@@ -32,12 +32,6 @@ bool is_mirrored(const Instance& instance) {
   return glm::determinant(glm::dmat3(instance.scene_from_object)) < 0;
 }
 
-/// Places of one mesh in the vertex and index buffers.
-struct MeshRange {
-  std::uint32_t first_index = 0, index_count = 0;
-  std::int32_t vertex_offset = 0;
-};
-
 /// Fills a buffer, made anew if it does not fit exactly: sizes change only with the content.
 template <typename Element>
 void fill(vulkan::Device& device, vulkan::Buffer& buffer, const std::vector<Element>& elements,
@@ -149,8 +143,10 @@ void SceneBuffers::State::sort_draws(const Scene& scene) {
     const Key& key = keys[i];
     const bool same_state = i > 0 && keys[i - 1].state() == key.state();
     if (!same_state) {
-      groups.push_back({key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(list.size()), 0});
+      groups.push_back({key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(list.size()), 0,
+                        static_cast<std::uint32_t>(i), 0});
     }
+    ++groups.back().instance_count;
     if (same_state && keys[i - 1].mesh == key.mesh) {
       ++list.back().instanceCount;
     } else {
@@ -229,6 +225,12 @@ const vulkan::Buffer& SceneBuffers::commands() const {
 std::span<const DrawGroup> SceneBuffers::groups() const {
   return state_->groups;
 }
+std::span<const std::uint32_t> SceneBuffers::order() const {
+  return state_->order;
+}
+const MeshRange& SceneBuffers::mesh(std::uint32_t index) const {
+  return state_->meshes.at(index);
+}
 VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
   return state_->textures.set(texture_group);
 }
@@ -250,10 +252,10 @@ std::vector<HeddleLight> SceneBuffers::lights(const Scene& scene, const glm::dve
 
 std::uint32_t surface_flags(const HeddleMaterial& material) {
   std::uint32_t flags = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_CASTS_SHADOW;
-  if (material.alpha_mode == HEDDLE_ALPHA_MASK) {
-    flags = HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_CASTS_SHADOW;
-  } else if (material.alpha_mode == HEDDLE_ALPHA_BLEND) {
+  if (is_blended(material)) {
     flags = HEDDLE_SURFACE_BLENDED;
+  } else if (material.alpha_mode == HEDDLE_ALPHA_MASK) {
+    flags = HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_CASTS_SHADOW;
   }
   return flags | ((material.flags & HEDDLE_MATERIAL_DOUBLE_SIDED) != 0 ? HEDDLE_SURFACE_DOUBLE_SIDED : 0U);
 }

@@ -12,10 +12,17 @@ namespace heddle::scene {
 
 /// Draws that share pipeline state and textures: one vkCmdDrawIndexedIndirect.
 struct DrawGroup {
-  std::uint32_t flags = 0;                             // HEDDLE_SURFACE_* of all its batches
-  std::uint32_t texture_group = 0;                     // set 2
-  bool is_flipped = false;                             // front faces are clockwise
-  std::uint32_t first_command = 0, command_count = 0;  // in the indirect buffer (VkDrawIndexedIndirectCommand)
+  std::uint32_t flags = 0;                               // HEDDLE_SURFACE_* of all its batches
+  std::uint32_t texture_group = 0;                       // set 2
+  bool is_flipped = false;                               // front faces are clockwise
+  std::uint32_t first_command = 0, command_count = 0;    // in the indirect buffer (VkDrawIndexedIndirectCommand)
+  std::uint32_t first_instance = 0, instance_count = 0;  // in instances()
+};
+
+/// Places of one mesh in the vertex and index buffers.
+struct MeshRange {
+  std::uint32_t first_index = 0, index_count = 0;
+  std::int32_t vertex_offset = 0;
 };
 
 /// Buffers and textures of one scene on one device. update() before each frame.
@@ -36,6 +43,10 @@ class SceneBuffers {
   [[nodiscard]] const vulkan::Buffer& commands()
       const;  // VkDrawIndexedIndirectCommand; firstInstance = first in instances()
   [[nodiscard]] std::span<const DrawGroup> groups() const;
+  /// The scene's instances in draw order: which one each of instances() is.
+  [[nodiscard]] std::span<const std::uint32_t> order() const;
+  /// Of the scene's mesh of that number.
+  [[nodiscard]] const MeshRange& mesh(std::uint32_t index) const;
   /// Descriptor set 2 of a texture group: bindings 0..4 = sampler2DArray of base colour, metallic-roughness, normal,
   /// occlusion, emissive.
   [[nodiscard]] VkDescriptorSet material_set(std::uint32_t texture_group) const;
