@@ -190,12 +190,13 @@ typedef struct heddle_frame_info {
   double origin[3]; /* the frame's origin in the scene, metres: the main camera's position */
 } heddle_frame_info;
 
-/* Memory of a port during execute (cpu stages). Rows are tightly packed, layer by layer, mip 0 only. */
+/* Memory of a port during execute (cpu stages). Rows are tightly packed, layer by layer, and all layers mip by mip, the
+ * finest first. */
 typedef struct heddle_mapped {
   uint32_t struct_size;
   void* data; /* readable and/or writable as the stage declared; valid until execute returns */
   heddle_shape shape;
-  uint64_t row_bytes;
+  uint64_t row_bytes; /* of mip 0 */
 } heddle_mapped;
 
 /* The triangles of a surfaces port in host memory, one list, object transforms applied in float64. Owned by the host,
@@ -264,15 +265,16 @@ struct heddle_pass_host {
    * HEDDLE_BUG for an unknown port. [main-thread] */
   heddle_status (*set_shape)(const heddle_pass_host* self, const char* port, const heddle_shape* shape);
 
-  /* Shape of a bound port; in declare: of inputs; later: of all. [record-thread] */
+  /* Shape of a bound port; in declare: of inputs; later: of all. Of the scene's environment: the image's width and
+   * height; when they change, passes are declared again. [record-thread] */
   heddle_status (*shape)(const heddle_pass_host* self, const char* port, heddle_shape* out);
 
   /* CPU twin of a role's function, from the provider bound to this pass (the first one); NULL if absent.
    * [record-thread] */
   const void* (*function_service)(const heddle_pass_host* self, const char* role);
 
-  /* In record and execute: bytes of a bound value port (camera: HeddleView; lights: HeddleLight[n]). Valid until the
-   * call returns. NULL and 0 if unbound. [record-thread] */
+  /* In record, execute and activity: bytes of a bound value port (camera: HeddleView; lights: HeddleLight[n];
+   * environment: HeddleEnvironment and texels). Valid until the call returns. NULL and 0 if unbound. [record-thread] */
   const void* (*value)(const heddle_pass_host* self, heddle_frame* frame, const char* port, uint64_t* out_bytes);
 
   /* In execute of a cpu stage, or in record before the first command that reads it: new bytes of an out value port, at

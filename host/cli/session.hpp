@@ -46,6 +46,8 @@ struct RenderArguments {
   std::vector<std::string> files;  // a graph and a scene, in any order
   std::string scene;
   std::string camera;
+  std::string environment;  // image file
+  double environment_scale = 1, environment_rotation = 0;
   std::vector<std::string> settings;  // --set
   int frames = 1;
   std::uint64_t seed = 0;

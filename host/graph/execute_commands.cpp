@@ -589,8 +589,7 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         const ResourceIndex resource = resource_of();
         if (graph.resources[resource].type == PortType::kValue) {
           if (!resources[resource].value.is_set) set_value(resource, {});
-          const Value& stored = resources[resource].value;
-          buffers[i] = {stored.storage.handle(), 0, stored.storage_range};
+          buffers[i] = storage_of(resources[resource].value);
         } else {
           buffers[i] = {root(resource).buffer.handle(), 0, VK_WHOLE_SIZE};
         }
@@ -605,7 +604,7 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         if (!resources[resource].value.is_set) {
           set_value(resource, std::vector<std::byte>(std::max<std::uint64_t>(graph.resources[resource].byte_size, 16)));
         }
-        buffers[i] = {resources[resource].value.uniform.handle(), 0, VK_WHOLE_SIZE};
+        buffers[i] = uniform_of(resources[resource].value);
         break;
       }
       case vulkan::Binding::Kind::kParameters:

@@ -33,6 +33,11 @@ bool has_memory(const Resource& resource) {
          (resource.type == PortType::kImage || resource.type == PortType::kBuffer);
 }
 
+std::array<std::uint32_t, 2> environment_extent(const scene::Scene& scene) {
+  if (!scene.environment) return {0, 0};
+  return {scene.environment->record.width, scene.environment->record.height};
+}
+
 constexpr VkBufferUsageFlags kPortBufferUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
                                                 VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
                                                 VK_BUFFER_USAGE_TRANSFER_DST_BIT;
@@ -80,12 +85,22 @@ void Executor::State::unplan() {
   is_planned = false;
 }
 
+bool Executor::State::is_planned_for(const scene::Scene& rendered) const {
+  return rendered.features() == planned_features && environment_extent(rendered) == planned_environment;
+}
+
 void Executor::State::plan(const scene::Scene& planned_scene) {
   open_device();
   unplan();
   errors.clear();
   graph = original;
   planned_features = planned_scene.features();
+  planned_environment = environment_extent(planned_scene);
+  for (Resource& resource : graph.resources) {
+    if (resource.producer != kNoIndex || resource.port != "environment") continue;
+    resource.width = planned_environment[0];
+    resource.height = planned_environment[1];
+  }
   wanted.clear();
   wanted.push_back(graph.output);
   for (const std::string& name : kept_names) {
@@ -93,6 +108,18 @@ void Executor::State::plan(const scene::Scene& planned_scene) {
     if (std::find(wanted.begin(), wanted.end(), resource) == wanted.end()) wanted.push_back(resource);
   }
   prune(graph, wanted, planned_features);
+  const auto reads_environment = [&](const Pass& pass) {
+    return !pass.is_pruned && std::ranges::any_of(pass.ports, [&](const auto& bound) {
+      const Resource& resource = graph.resources[bound.second];
+      return resource.producer == kNoIndex && resource.port == "environment";
+    });
+  };
+  if (planned_scene.environment && std::ranges::none_of(graph.passes, reads_environment)) {
+    services.log(Severity::kWarning,
+                 fmt::format("{}: the scene has an environment, and no pass of this graph reads it; "
+                             "graph 'environment' does, with technique sky/environment_map",
+                             graph.file));
+  }
   order = graph::order(graph);
   resources.resize(graph.resources.size());
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {

@@ -161,6 +161,7 @@ std::vector<std::string> Scene::features() const {
   add(emissive, "emissive");
   add(double_sided, "double_sided");
   add(textures_used, "textures");
+  add(environment.has_value(), "environment");
   return names;
 }
 

@@ -12,6 +12,7 @@
 #include <array>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -61,6 +62,11 @@ struct Camera {
   heddle_camera record{};
 };
 
+struct Environment {
+  HeddleEnvironment record{};
+  std::vector<float> texels;  // rgba
+};
+
 class Scene {
  public:
   std::vector<Texture> textures;
@@ -70,6 +76,7 @@ class Scene {
   std::vector<Light> lights;
   std::vector<Camera> cameras;
   std::uint32_t camera = HEDDLE_NONE;  // in use
+  std::optional<Environment> environment;
 
   /// Counted up when meshes, materials, textures or the list of instances change / when instances only move. Every
   /// scene of a process starts far from all others, so caches need no other key.
@@ -91,7 +98,7 @@ class Scene {
   /// side, far enough to hold the bounding sphere.
   [[nodiscard]] heddle_camera active_camera(std::uint32_t width, std::uint32_t height) const;
   /// Facts that techniques can ask for: "surfaces", "lights", "masked", "blended", "emissive", "double_sided",
-  /// "textures". Only what an instance shows counts.
+  /// "textures", "environment". Only what an instance shows counts.
   [[nodiscard]] std::vector<std::string> features() const;
   [[nodiscard]] std::string describe_json() const;
 };

@@ -32,7 +32,7 @@ def load_scene(scene: Scene, file: str) -> None:
     module.build(scene)
 
 
-def sort_files(files: list[str], scene: str | None) -> tuple[str, str | None]:
+def sort_files(files: list[str], scene: str | None) -> tuple[str | None, str | None]:
     graph = None
     for file in files:
         if file.endswith((".py", ".glb", ".gltf")):
@@ -43,7 +43,13 @@ def sort_files(files: list[str], scene: str | None) -> tuple[str, str | None]:
             raise Error(2, f"error: two graphs were given: '{graph}' and '{file}'")
         else:
             graph = file
-    return graph or "deferred", scene
+    return graph, scene
+
+
+def set_environment(host: Host, scene: Scene, arguments: argparse.Namespace) -> None:
+    if arguments.environment is not None:
+        scene.set_environment(host.read_image(arguments.environment), arguments.environment_scale,
+                              arguments.environment_rotation)
 
 
 def use_camera(scene: Scene, wanted: str | None) -> None:
@@ -60,6 +66,7 @@ def use_camera(scene: Scene, wanted: str | None) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    graph_file = graph_file or ("deferred" if arguments.environment is None else "environment")
     with Host(arguments.device, arguments.validation) as host:
         with host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
             outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or ["heddle.png"]]
@@ -68,6 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
                     graph.keep(port)
             if scene_file is not None:
                 load_scene(scene, scene_file)
+            set_environment(host, scene, arguments)
             use_camera(scene, arguments.camera)
             for frame in range(arguments.frames):
                 graph.render(scene, time=arguments.time, seed=arguments.seed,
@@ -87,6 +95,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def compare(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    graph_file = graph_file or ("deferred" if arguments.environment is None else "environment")
     pass_name, techniques = (arguments.swap.split("=", 1) + [""])[:2]
     names = techniques.split(",")
     if len(names) != 2:
@@ -96,6 +105,7 @@ def compare(arguments: argparse.Namespace) -> int:
     with Host(arguments.device, arguments.validation) as host, host.scene() as scene:
         if scene_file is not None:
             load_scene(scene, scene_file)
+        set_environment(host, scene, arguments)
         use_camera(scene, arguments.camera)
         graphs = [host.graph(graph_file, [*arguments.set, f"{pass_name}.technique={name}"]) for name in names]
         try:
@@ -155,6 +165,10 @@ def main() -> int:
         command.add_argument("files", nargs="*", help="a graph and a scene (.py, .glb, .gltf), in any order")
         command.add_argument("--scene")
         command.add_argument("--camera", help="name or number of a camera")
+        command.add_argument("--environment", help="equirectangular image that lights the scene; without a graph: the "
+                                                   "graph 'environment'")
+        command.add_argument("--environment-scale", type=float, default=1.0, help="cd/m^2 of the image's 1")
+        command.add_argument("--environment-rotation", type=float, default=0.0, help="radians about the vertical axis")
         command.add_argument("--set", action="append", default=[], help="change the graph: ao.technique=gtao")
         command.add_argument("--device", help="part of a device's name, or its index")
         command.add_argument("--validation", action="store_true")

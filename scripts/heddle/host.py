@@ -307,6 +307,29 @@ class Scene(_Object):
             self.use_camera(index)
         return index
 
+    def set_environment(self, pixels: ArrayLike | None, scale: float = 1.0, angle: float = 0.0,
+                        rotation: Sequence[float] | None = None) -> None:
+        """Light from infinitely far away; None: none. Seen by graphs with sky/environment_map, as `environment` is.
+
+        pixels:   float32 (height, width) or (height, width, 1, 3 or 4), equirectangular: -Z in the middle, +X to the
+                  right of it, +Y on top; linear Rec.709, finite, 0 or above; copied
+        scale:    cd/m^2 of 1
+        angle:    radians that it is turned about +Y; or
+        rotation: quaternion x y z w, scene from image
+        """
+        if pixels is None:
+            self._check(_heddle.heddle_scene_set_environment(self._handle, None))
+            return
+        array = np.ascontiguousarray(pixels, dtype=np.float32)
+        if array.ndim == 2:
+            array = array[:, :, None]
+        if array.ndim != 3:
+            raise Error(2, f"error: the environment has shape {array.shape}: expected (height, width, 1, 3 or 4)")
+        quaternion = (0.0, np.sin(angle / 2), 0.0, np.cos(angle / 2)) if rotation is None else tuple(rotation)
+        record = c.Environment(ctypes.sizeof(c.Environment), array.shape[1], array.shape[0], array.shape[2],
+                               _pointer(array, ctypes.c_float), scale, (ctypes.c_double * 4)(*quaternion))
+        self._check(_heddle.heddle_scene_set_environment(self._handle, ctypes.byref(record)))
+
     def use_camera(self, index: int | None) -> None:
         """Which camera renders; None: one made to see the whole scene."""
         self._check(_heddle.heddle_scene_use_camera(self._handle, c.NONE if index is None else index))

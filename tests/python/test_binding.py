@@ -14,7 +14,7 @@ STRUCTURES = {
     "heddle_host_options": _library.HostOptions, "heddle_image": _library.Image, "heddle_texture": _library.Texture,
     "heddle_mesh": _library.Mesh, "heddle_material": _library.SceneMaterial, "heddle_light": _library.SceneLight,
     "heddle_camera": _library.Camera, "heddle_render_options": _library.RenderOptions, "HeddleLight": _library.Light,
-    "HeddleMaterial": _library.Material,
+    "HeddleMaterial": _library.Material, "heddle_environment": _library.Environment,
 }
 
 

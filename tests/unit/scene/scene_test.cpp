@@ -124,6 +124,9 @@ TEST(Features, NameWhatInstancesShow) {
   EXPECT_THAT(scene.features(), testing::Not(testing::Contains("blended")));
   material.transmission = 0.5F;
   EXPECT_THAT(scene.features(), testing::Contains("blended"));
+  scene.environment.emplace();
+  EXPECT_THAT(scene.features(), testing::Contains("environment"));
+  scene.environment.reset();
   scene.instances.clear();
   EXPECT_THAT(scene.features(), testing::ElementsAre("lights"));
   EXPECT_THAT(Scene().features(), testing::IsEmpty());
