@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A surface point, every light and the environment -> radiance towards the viewer: one text for all passes that light
 // surfaces, so that they agree. After pass.glsl of a shader that has the port `lights` and calls surface_material, shadow
-// and sky. Equations (1) to (5) of lighting/deferred's README.
+// and sky. Equations (1) to (6) of lighting/deferred's README.
 // One iteration a light. A driver that ends loops after 65,535 iterations (lavapipe) allows 65,535 lights less what the
 // shadow techniques loop: with 32 taps a light, 1985 lights.
 #ifndef HEDDLE_SHARED_SHADE_SURFACE_GLSL
@@ -47,6 +47,12 @@ vec3 shade_area_light(HeddleLight light, LightArrival arrival, vec3 position_rel
   return sum + surface_material_lobe(point, N, V, L, 2u) * arrival.irradiance * (scale * max(dot(N, L), 0.0));
 }
 
+// (6) Whence the light of a lobe comes on the whole: rough ones look away from the mirror direction R, to the normal.
+vec3 dominant_direction(vec3 N, vec3 R, float alpha) {
+  float smoothness = max(1.0 - alpha, 0.0);
+  return normalize(mix(N, R, smoothness * (sqrt(smoothness) + alpha)));
+}
+
 // Interpolated and mapped normals may turn away from the viewer, a surface that is seen does not: the nearest that does
 // not, either.
 vec3 normal_towards_viewer(vec3 N, vec3 V) {
@@ -69,7 +75,8 @@ vec3 shade_surface(SurfacePoint point, vec3 position_rel, vec3 N, vec3 normal, v
                            : shade_point_light(light, arrival, point, N, V));
   }
   float alpha = max(point.roughness * point.roughness, kShadeMinimumAlpha);
-  return sum + open * surface_material_environment(point, N, V, sky_irradiance(N), sky_specular(reflect(-V, N), alpha));
+  vec3 specular = sky_specular(dominant_direction(N, reflect(-V, N), alpha), alpha);
+  return sum + open * surface_material_environment(point, N, V, sky_irradiance(N), specular);
 }
 
 #endif

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gbuffer at a pixel, every light, the environment -> radiance towards the camera. README equations (1) to (5).
+// The gbuffer at a pixel, every light, the environment -> radiance towards the camera. README equations (1) to (6).
 // in      depth, normal, normal_geometric, base_color, material, emissive, visibility   gbuffer and occlusion, nearest
 //         camera, lights
 // out     radiance  rgb cd/m^2, a 1 where there is a surface
