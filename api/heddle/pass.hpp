@@ -131,6 +131,12 @@ constexpr heddle_port surfaces_in(const char* name, const char* help, std::uint3
   return port(name, HEDDLE_PORT_SURFACES, HEDDLE_IN, help, flags);
 }
 
+/// An input that reads last frame's version of the kept output `output` of the same technique.
+constexpr heddle_port previous_of(const char* output, heddle_port p) {
+  p.previous_of = output;
+  return p;
+}
+
 /// A float parameter; equal bounds: unbounded.
 constexpr heddle_parameter parameter(const char* name, const char* unit, double minimum, double maximum,
                                      double default_value, const char* help, std::uint32_t type = HEDDLE_TYPE_FLOAT,

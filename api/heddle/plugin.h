@@ -36,6 +36,9 @@ typedef struct heddle_frame heddle_frame;       /* the host's; valid during one 
 #define HEDDLE_PORT_OPTIONAL 1u /* in: unbound is legal; shaders then see the role's neutral value through fetch_NAME */
 #define HEDDLE_PORT_KEPT 2u     /* out: keeps its contents between frames, never aliased */
 #define HEDDLE_PORT_CUBE 4u     /* image: layers come in sixes, also sampled as cubes */
+/* out, kept: every frame in which its stages run writes all of it. Keeping its history then costs a second memory, which
+ * takes turns with the first, and no copy. */
+#define HEDDLE_PORT_REWRITTEN 8u
 
 /* Extent of an out image. */
 #define HEDDLE_EXTENT_FRAME 0u    /* the graph's extent times extent_scale, rounded up */
@@ -56,6 +59,10 @@ typedef struct heddle_port {
   const char* glsl;       /* buffer, value: members of the block as shaders see them, e.g. "HeddleLight lights[];"; NULL:
                              what the role's contract says. Types of records.h are in scope */
   const char* help;       /* one line: meaning, unit, range */
+  /* in: unless the graph binds it, last frame's version of this output of the same technique, which is kept. What any
+     input reads of the past is neutral (buffers: zero bytes; values: empty, zeros in shaders) in the first frame and
+     after a cut. NULL: nothing */
+  const char* previous_of;
 } heddle_port;
 
 /* ---- Parameters --------------------------------------------------------------------------------------------------- */
@@ -177,6 +184,7 @@ typedef struct heddle_frame_info {
   double time, time_step; /* seconds of scene time */
   uint64_t seed;
   double origin[3]; /* the frame's origin in the scene, metres: the main camera's position */
+  double previous_origin[3]; /* last frame's, to which its positions are relative; after a cut: this frame's */
 } heddle_frame_info;
 
 /* Memory of a port during execute (cpu stages). Rows are tightly packed, layer by layer, mip 0 only. */

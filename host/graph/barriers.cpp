@@ -2,6 +2,7 @@
 // Order + uses -> the barriers of a frame that repeats: for every resource the uses fall into groups (one writer, or
 // readers that share a layout), and between consecutive groups stands exactly one barrier, round the frame's end too.
 #include <algorithm>
+#include <numeric>
 
 #include "graph/stages.hpp"
 #include "graph/uses.hpp"
@@ -189,18 +190,27 @@ BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const 
     }
   }
 
-  // Kept resources go round: the last group of a frame stands before the first one of the next. Readers that meet there
-  // in one layout are one group.
+  // Kept resources go round: the last group of a frame stands before the first one of the next; where a history is read,
+  // two memories take turns, and each meets what was done to the other. Readers that meet there in one layout are one
+  // group.
+  std::vector<ResourceIndex> last_frame(graph.resources.size());  // what the memory was in the frame before
+  std::iota(last_frame.begin(), last_frame.end(), ResourceIndex{0});
+  for (const HistoryPair& pair : history_pairs(graph, order)) {
+    last_frame[pair.newest] = pair.history;
+    last_frame[pair.history] = pair.newest;
+  }
   std::vector<bool> joins_round(graph.resources.size(), false);
-  for (ResourceIndex r = 0; r < groups.size(); ++r) {
-    if (!is_kept[r] || groups[r].empty()) continue;
-    Group& first = groups[r].front();
-    Group& last = groups[r].back();
-    plan.first_layout[r] = last.info.layout;
-    if (continues(last.info, first.info)) {
-      joins_round[r] = true;
-      widen(last.info, first.info);
-      first.info = {last.info.stages, last.info.access, first.info.layout, first.info.reads, first.info.writes};
+  for (int turn = 0; turn < 2; ++turn) {  // the second hands on what the first found of the other memory
+    for (ResourceIndex r = 0; r < groups.size(); ++r) {
+      if (!is_kept[r] || groups[r].empty()) continue;
+      Group& first = groups[r].front();
+      Group& last = groups[last_frame[r]].back();
+      plan.first_layout[r] = last.info.layout;
+      if (continues(last.info, first.info)) {
+        joins_round[r] = true;
+        widen(last.info, first.info);
+        first.info = {last.info.stages, last.info.access, first.info.layout, first.info.reads, first.info.writes};
+      }
     }
   }
 
@@ -215,7 +225,7 @@ BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const 
         continue;
       }
       if (joins_round[r]) continue;
-      AccessInfo before = groups[r].back().info;
+      AccessInfo before = groups[last_frame[r]].back().info;
       if (!is_kept[r]) {
         // Contents are not needed. Whoever had these bytes before, in this frame or the last, must be done, and its
         // writes must not land later; each one's earlier groups wait for its last one already.

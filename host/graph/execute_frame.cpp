@@ -177,13 +177,15 @@ void Executor::State::set_value(ResourceIndex resource, std::span<const std::byt
 
 void Executor::State::set_scene_values(const scene::Scene& rendered) {
   const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
+  previous_origin = origin;
   origin = {camera.position[0], camera.position[1], camera.position[2]};
   const HeddleView view = scene::make_view(camera, graph.width, graph.height, origin,
                                            info.cut != 0 || !previous_camera ? nullptr : &*previous_camera);
   const std::vector<HeddleLight> lights = scene::SceneBuffers::lights(rendered, origin);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
-    if (resource.producer != kNoIndex || resource.type != PortType::kValue) continue;
+    const bool is_scene = resource.producer == kNoIndex && resource.history_of == kNoIndex;
+    if (!is_scene || resource.type != PortType::kValue) continue;
     if (resource.port == "camera") set_value(i, std::as_bytes(std::span(&view, 1)));
     if (resource.port == "lights") set_value(i, std::as_bytes(std::span(lights)));
   }
@@ -193,7 +195,11 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     scene = &rendered;
   }
   scene_buffers->update(rendered, origin);
-  for (std::size_t i = 0; i < 3; ++i) info.origin[i] = origin[static_cast<glm::length_t>(i)];
+  if (info.cut != 0) previous_origin = origin;
+  for (std::size_t i = 0; i < 3; ++i) {
+    info.origin[i] = origin[static_cast<glm::length_t>(i)];
+    info.previous_origin[i] = previous_origin[static_cast<glm::length_t>(i)];
+  }
 }
 
 std::uint32_t Executor::State::add_view(const HeddleView& view) {
@@ -339,7 +345,10 @@ void Executor::State::run_stage(std::uint32_t index) {
           ? state.descriptor->activity(state.object, &state.api, scheduled.stage, &frame, &info)
           : HEDDLE_RUN;
   record_barriers(barriers.before[index]);
-  if (activity == HEDDLE_KEEP) return;
+  if (activity == HEDDLE_KEEP) {
+    keep_outputs(scheduled);
+    return;
+  }
   if (activity == HEDDLE_NOTHING) {
     write_neutral(state, scheduled);
     return;
@@ -374,13 +383,14 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     s.stats.submit_ms = 0;
     s.stats.before = s.device->counters();
     s.info.struct_size = sizeof s.info;
-    s.info.cut = options.cut || s.stats.frame == 0 ? 1U : 0U;
+    s.info.cut = options.cut || s.is_fresh ? 1U : 0U;
     s.info.index = s.stats.frame;
     s.info.time = options.time;
     s.info.time_step = options.time_step;
     s.info.seed = options.seed;
-    s.set_scene_values(rendered);
     s.begin_commands();
+    s.turn_histories();
+    s.set_scene_values(rendered);
     for (std::uint32_t i = 0; i < s.order.stages.size(); ++i) {
       const auto stage_start = Clock::now();
       const double cpu_start = process_cpu_ms();
@@ -400,6 +410,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     s.stats.after = s.device->counters();
     s.stats.wall_ms = milliseconds_since(start);
     ++s.stats.frame;
+    s.is_fresh = false;
     const std::vector<std::string> complaints = s.device->take_validation_errors();
     if (!complaints.empty()) {
       std::vector<Diagnostic> all;

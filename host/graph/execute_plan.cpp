@@ -28,9 +28,23 @@ std::vector<PassIndex> dependency_order(const ResolvedGraph& graph) {
   return order;
 }
 
-bool has_memory(const Resource& resource) {
-  return resource.producer != kNoIndex && resource.previous_version == kNoIndex &&
+/// The pass that makes a resource, or made it in the frame before; kNoIndex: the scene.
+PassIndex maker_of(const ResolvedGraph& graph, const Resource& resource) {
+  return resource.history_of == kNoIndex ? resource.producer : graph.resources[resource.history_of].producer;
+}
+
+bool has_memory(const ResolvedGraph& graph, const Resource& resource) {
+  return maker_of(graph, resource) != kNoIndex && resource.previous_version == kNoIndex &&
          (resource.type == PortType::kImage || resource.type == PortType::kBuffer);
+}
+
+void copy_shape(Resource& to, const Resource& from) {
+  to.format = from.format;
+  to.width = from.width;
+  to.height = from.height;
+  to.layers = from.layers;
+  to.mips = from.mips;
+  to.byte_size = from.byte_size;
 }
 
 constexpr VkBufferUsageFlags kPortBufferUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
@@ -114,6 +128,7 @@ void Executor::State::plan(const scene::Scene& planned_scene) {
   }
   compile_passes();
   is_planned = true;
+  is_fresh = true;
 }
 
 void Executor::State::open_passes() {
@@ -153,14 +168,12 @@ void Executor::State::declare_passes() {
     for (const auto& [port, source] : graph.passes[index].inout_sources) {
       Resource& made = graph.resources[graph.passes[index].ports.at(port)];
       if (made.type == PortType::kValue) continue;
-      const Resource& read = graph.resources[source];
-      made.format = read.format;
-      made.width = read.width;
-      made.height = read.height;
-      made.layers = read.layers;
-      made.mips = read.mips;
-      made.byte_size = read.byte_size;
+      copy_shape(made, graph.resources[source]);
     }
+  }
+  for (Resource& history : graph.resources) {
+    const bool has_shape = history.type == PortType::kImage || history.type == PortType::kBuffer;
+    if (history.history_of != kNoIndex && has_shape) copy_shape(history, graph.resources[history.history_of]);
   }
 }
 
@@ -179,9 +192,16 @@ void Executor::State::place_resources() {
   std::vector<MemoryNeed> needs(graph.resources.size());
   std::uint32_t memory_types = ~0U;
   std::vector<std::uint8_t> is_alive(graph.resources.size(), 0);
+  const std::vector<HistoryPair> pairs = history_pairs(graph, order);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
-    if (!has_memory(resource) || !passes[resource.producer]) continue;
+    if (!has_memory(graph, resource) || !passes[maker_of(graph, resource)]) continue;
+    // A history that only passes of no use would read costs nothing.
+    if (resource.history_of != kNoIndex && std::ranges::none_of(pairs, [&](const HistoryPair& pair) {
+          return pair.history == i;
+        })) {
+      continue;
+    }
     is_alive[i] = 1;
     VkMemoryRequirements need{};
     if (resource.type == PortType::kImage) {
@@ -243,7 +263,7 @@ void Executor::State::initialize_kept() {
       ResourceState& state = resources[i];
       const bool lasts = barriers.first_layout.size() > i && barriers.first_layout[i] != VK_IMAGE_LAYOUT_UNDEFINED;
       if (state.image && lasts) {
-        const Pass& producer = graph.passes[resource.producer];
+        const Pass& producer = graph.passes[maker_of(graph, resource)];
         const RolePort* port = producer.role->find_port(resource.port);
         clear_image(state, resource, port != nullptr ? port->neutral : std::array<double, 4>{0, 0, 0, 0});
         Barrier barrier;

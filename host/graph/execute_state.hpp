@@ -75,6 +75,7 @@ struct Executor::State {
 
   // The plan; valid while `is_planned`.
   bool is_planned = false;
+  bool is_fresh = false;  // no frame of this plan was rendered: nothing of the past is there
   std::vector<std::string> planned_features;
   Order order;
   Placement placement;
@@ -103,7 +104,7 @@ struct Executor::State {
   std::unique_ptr<scene::SceneBuffers> scene_buffers;
   scene::Snapshot snapshot;
   std::optional<heddle_camera> previous_camera;
-  glm::dvec3 origin{0.0};
+  glm::dvec3 origin{0.0}, previous_origin{0.0};
 
   // One frame.
   FrameStats stats;
@@ -135,6 +136,10 @@ struct Executor::State {
 
   void set_scene_values(const scene::Scene& scene);
   void set_value(ResourceIndex resource, std::span<const std::byte> bytes);
+  void turn_histories();
+  void carry_over(ResourceIndex newest, ResourceIndex history);
+  void keep_outputs(const ScheduledStage& stage);
+  void clear_history(ResourceIndex history);
   void begin_commands();
   void submit_and_wait();
   void record_barriers(std::span<const Barrier> list);

@@ -147,7 +147,18 @@ std::vector<bool> used_resources(const ResolvedGraph& graph, const Order& order)
   return is_used;
 }
 
+/// Of last frame's version: how it comes to be.
+std::string history_text(const ResolvedGraph& graph, const Resource& history) {
+  const Resource& newest = graph.resources[history.history_of];
+  if (!has_memory(history.type)) return fmt::format("a copy of '{}' of the frame before", newest.name);
+  const bool is_rewritten =
+      (graph.resources[first_version(graph, history.history_of)].flags & HEDDLE_PORT_REWRITTEN) != 0;
+  return fmt::format("kept, takes turns with '{}'{}", newest.name,
+                     is_rewritten ? "" : ", which is copied back: its technique may write parts of it");
+}
+
 std::string memory_text(const ResolvedGraph& graph, const Placement& placement, ResourceIndex resource) {
+  if (graph.resources[resource].history_of != kNoIndex) return history_text(graph, graph.resources[resource]);
   if (!has_memory(graph.resources[resource].type)) return "";
   const ResourceIndex first = first_version(graph, resource);
   if (first != resource) return fmt::format("in place of '{}'", graph.resources[first].name);
@@ -352,6 +363,7 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
       entry["layers"] = resource.layers;
       entry["mips"] = resource.mips;
     }
+    if (resource.history_of != kNoIndex) entry["history_of"] = graph.resources[resource.history_of].name;
     if (resource.previous_version != kNoIndex)
       entry["previous_version"] = graph.resources[resource.previous_version].name;
     if (has_memory(resource.type) && placement.offset[r] != Placement::kOwnMemory)
@@ -382,10 +394,12 @@ std::string explain_dot(const ResolvedGraph& graph, const Order& order) {
   bool uses_scene = false;
   std::string edges;
   const auto add_edge = [&](const std::string& from, const std::string& to, const std::string& label, bool is_grey,
-                            bool is_function) {
-    edges += fmt::format("  {} -> {} [label={}{}{}];\n", dot_quoted(from), dot_quoted(to), dot_quoted(label),
-                         is_function ? ", style=dashed" : "", is_grey ? ", color=grey, fontcolor=grey" : "");
+                            std::string_view style = {}) {
+    edges += fmt::format("  {} -> {} [label={}{}{}];\n", dot_quoted(from), dot_quoted(to), dot_quoted(label), style,
+                         is_grey ? ", color=grey, fontcolor=grey" : "");
   };
+  constexpr std::string_view kFunction = ", style=dashed";
+  constexpr std::string_view kHistory = ", style=dotted, constraint=false";
   for (PassIndex p = 0; p < graph.passes.size(); ++p) {
     const Pass& pass = graph.passes[p];
     text +=
@@ -393,24 +407,25 @@ std::string explain_dot(const ResolvedGraph& graph, const Order& order) {
                     pass.entry.technique->id, numbers[p].empty() ? "" : "\\nstage " + numbers[p],
                     dot_quoted(pass.reason), pass.is_pruned ? ", fillcolor=grey90, color=grey, fontcolor=grey" : "");
     const auto add_input = [&](ResourceIndex index) {
-      const Resource& resource = graph.resources[index];
-      if (resource.producer == p) return;
+      const bool is_history = graph.resources[index].history_of != kNoIndex;
+      const Resource& resource = graph.resources[is_history ? graph.resources[index].history_of : index];
+      if (resource.producer == p && !is_history) return;
       const bool is_scene = resource.producer == kNoIndex;
       uses_scene = uses_scene || is_scene;
-      add_edge(is_scene ? "scene" : graph.passes[resource.producer].name, pass.name, resource.port, pass.is_pruned,
-               false);
+      add_edge(is_scene ? "scene" : graph.passes[resource.producer].name, pass.name,
+               resource.port + (is_history ? "@previous" : ""), pass.is_pruned, is_history ? kHistory : "");
     };
     for (const auto& [port, resource] : pass.ports) add_input(resource);
     for (const auto& [port, resource] : pass.inout_sources) add_input(resource);
     for (const FunctionBinding& binding : pass.functions)
       for (const PassIndex provider : binding.providers)
-        add_edge(graph.passes[provider].name, pass.name, binding.role + "()", pass.is_pruned, true);
+        add_edge(graph.passes[provider].name, pass.name, binding.role + "()", pass.is_pruned, kFunction);
   }
   if (uses_scene) text += "  \"scene\" [shape=ellipse, fillcolor=lightyellow];\n";
   if (graph.output != kNoIndex && graph.resources[graph.output].producer != kNoIndex) {
     text += "  \"output\" [shape=ellipse, fillcolor=lightblue];\n";
     add_edge(graph.passes[graph.resources[graph.output].producer].name, "output", graph.resources[graph.output].port,
-             false, false);
+             false);
   }
   return text + edges + "}\n";
 }

@@ -85,6 +85,7 @@ struct Resource {
   PassIndex producer = kNoIndex;              // kNoIndex: the scene
   std::string port;                           // of the producer, or of the scene: "camera", "lights", "surfaces"
   ResourceIndex previous_version = kNoIndex;  // same memory for images and buffers, a changed copy for values
+  ResourceIndex history_of = kNoIndex;        // this is last frame's version of another; it has no producer then
   bool is_kept = false;
   // Shape; images and buffers only, filled from the descriptor by resolve and corrected by `declare` before alias.
   std::uint32_t format = 0, width = 0, height = 0, layers = 1, mips = 1;
@@ -114,6 +115,7 @@ struct Pass {
   bool is_pruned = false;
   std::string reason;                   // why it stays or goes, for explain
   std::vector<PassIndex> dependencies;  // passes that must run before it: producers of inputs, providers, their inputs
+  std::vector<PassIndex> past_dependencies;  // passes of which it reads what they made in earlier frames
 };
 
 struct ResolvedGraph {
@@ -157,6 +159,12 @@ struct Order {
 Order order(const ResolvedGraph& graph);
 /// The resource that owns the memory of a version: itself, or the first one of a chain of `inout` images or buffers.
 ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource);
+/// Images and buffers with a history that a stage reads: the memory of the newest (a first version) and the one of last
+/// frame's. The two change places when a frame begins.
+struct HistoryPair {
+  ResourceIndex newest = kNoIndex, history = kNoIndex;
+};
+std::vector<HistoryPair> history_pairs(const ResolvedGraph& graph, const Order& order);
 /// Every pass whose functions a shader (or function text) with these calls reaches, providers of providers included.
 std::vector<PassIndex> reached_providers(const ResolvedGraph& graph, PassIndex caller,
                                          std::span<const std::string> calls);

@@ -171,6 +171,36 @@ std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex i
   return found;
 }
 
+std::vector<PassIndex> find_past_dependencies(const ResolvedGraph& graph, PassIndex index) {
+  std::vector<PassIndex> found;
+  for (const auto& [name, resource] : graph.passes[index].ports) {
+    const ResourceIndex newest = graph.resources[resource].history_of;
+    if (newest != kNoIndex && graph.resources[newest].producer != kNoIndex)
+      found.push_back(graph.resources[newest].producer);
+  }
+  std::ranges::sort(found);
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  return found;
+}
+
+bool is_kept(const ResolvedGraph& graph, ResourceIndex resource) {
+  return graph.resources[resource].is_kept || graph.resources[first_version(graph, resource)].is_kept;
+}
+
+std::vector<HistoryPair> history_pairs(const ResolvedGraph& graph, const Order& order) {
+  std::vector<bool> is_used(graph.resources.size(), false);
+  for (const ScheduledStage& stage : order.stages)
+    for (const Use& use : stage.uses) is_used[first_version(graph, use.resource)] = true;
+  std::vector<HistoryPair> pairs;
+  for (ResourceIndex r = 0; r < graph.resources.size(); ++r) {
+    const Resource& resource = graph.resources[r];
+    if (resource.history_of == kNoIndex || !has_memory(resource.type) || !is_used[r]) continue;
+    const ResourceIndex newest = first_version(graph, resource.history_of);
+    if (is_used[newest]) pairs.push_back({newest, r});
+  }
+  return pairs;
+}
+
 ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource) {
   if (!has_memory(graph.resources[resource].type)) return resource;
   while (graph.resources[resource].previous_version != kNoIndex) resource = graph.resources[resource].previous_version;

@@ -23,6 +23,11 @@ std::vector<std::string> all_calls(const Technique& technique);
 
 /// Producers of inputs, providers, and producers of what providers read; sorted, without the pass itself.
 std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex pass);
+/// Producers of what the pass reads of earlier frames, itself included; sorted.
+std::vector<PassIndex> find_past_dependencies(const ResolvedGraph& graph, PassIndex pass);
+
+/// True if the resource's contents last from frame to frame: kept by its technique, or a version of what is.
+bool is_kept(const ResolvedGraph& graph, ResourceIndex resource);
 
 /// True for images and buffers: what has memory, versions in place, and barriers.
 inline bool has_memory(PortType type) {

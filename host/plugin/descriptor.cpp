@@ -166,6 +166,7 @@ class DescriptorReader {
     port.byte_size = source.byte_size;
     port.glsl = optional_text(source.glsl, "glsl");
     port.help = optional_text(source.help, "help");
+    port.previous_of = optional_text(source.previous_of, "previous_of");
     // A size that follows from parameters or inputs is set in declare; otherwise it stands here.
     if (port.direction == Direction::kOut && !may_declare) {
       const bool is_block = port.type == PortType::kBuffer || port.type == PortType::kValue;

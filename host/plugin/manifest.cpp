@@ -16,12 +16,12 @@ namespace heddle {
 namespace {
 
 // Of the JSON; raised when a key is added, renamed or dropped.
-constexpr std::uint32_t kFormat = 1;
+constexpr std::uint32_t kFormat = 2;
 
 // Words of the enumerations, in the order of their values in plugin.h.
 constexpr std::array<std::string_view, 4> kPortTypes{"image", "buffer", "value", "surfaces"};
 constexpr std::array<std::string_view, 3> kDirections{"in", "out", "inout"};
-constexpr std::array<std::string_view, 3> kPortFlags{"optional", "kept", "cube"};
+constexpr std::array<std::string_view, 4> kPortFlags{"optional", "kept", "cube", "rewritten"};
 constexpr std::array<std::string_view, 2> kExtentRules{"frame", "absolute"};
 constexpr std::array<std::string_view, 7> kParameterTypes{"float", "int", "bool", "choice", "color", "float3", "names"};
 constexpr std::array<std::string_view, 3> kParameterFlags{"knob", "redeclare", "constant"};
@@ -68,7 +68,8 @@ Json port_to_json(const Port& port) {
           {"mips", port.mips},
           {"byte_size", port.byte_size},
           {"glsl", port.glsl},
-          {"help", port.help}};
+          {"help", port.help},
+          {"previous_of", port.previous_of}};
 }
 
 Json parameter_to_json(const Parameter& parameter) {
@@ -236,7 +237,7 @@ class Node {
 
 Port read_port(const Node& node) {
   node.only({"name", "type", "direction", "flags", "format", "extent_rule", "extent_scale", "width", "height", "layers",
-             "mips", "byte_size", "glsl", "help"});
+             "mips", "byte_size", "glsl", "help", "previous_of"});
   Port port;
   node.at("name").read(port.name);
   node.at("type").read_word(port.type, kPortTypes);
@@ -252,6 +253,7 @@ Port read_port(const Node& node) {
   node.at("byte_size").read(port.byte_size);
   node.at("glsl").read(port.glsl);
   node.at("help").read(port.help);
+  node.at("previous_of").read(port.previous_of);
   return port;
 }
 

@@ -115,7 +115,8 @@ class Rules {
   void check_port(const Port& port) {
     check_name("port", port.name, port_names_);
     const std::string what = fmt::format("port '{}'", port.name);
-    check_flags(what, port.flags, HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE);
+    check_flags(what, port.flags,
+                HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE | HEDDLE_PORT_REWRITTEN);
     bool is_known = check_choice(what, "type", static_cast<std::uint32_t>(port.type), HEDDLE_PORT_SURFACES);
     is_known = check_choice(what, "direction", static_cast<std::uint32_t>(port.direction), HEDDLE_INOUT) && is_known;
     is_known = check_choice(what, "extent_rule", port.extent_rule, HEDDLE_EXTENT_ABSOLUTE) && is_known;
@@ -125,6 +126,10 @@ class Rules {
       complain(what + ": an output cannot be HEDDLE_PORT_OPTIONAL");
     }
     if (port.is_kept() && port.direction == Direction::kIn) complain(what + ": an input cannot be HEDDLE_PORT_KEPT");
+    if ((port.flags & HEDDLE_PORT_REWRITTEN) != 0 && !port.is_kept()) {
+      complain(what + ": HEDDLE_PORT_REWRITTEN is for outputs that are HEDDLE_PORT_KEPT");
+    }
+    if (!port.previous_of.empty()) check_history(port, what);
     if ((port.flags & HEDDLE_PORT_CUBE) != 0 &&
         (!is_image || (port.direction == Direction::kOut && port.layers % 6 != 0))) {
       complain(what + ": HEDDLE_PORT_CUBE needs an image with layers in sixes", fmt::format("{} layers", port.layers));
@@ -143,6 +148,16 @@ class Rules {
     if (port.layers == 0 || port.mips == 0) complain(what + ": no layers or no mips");
     if (!port.glsl.empty() && port.type != PortType::kBuffer && port.type != PortType::kValue) {
       complain(what + ": glsl belongs to buffers and values");
+    }
+  }
+
+  void check_history(const Port& port, const std::string& what) {
+    const Port* newest = technique_.find_port(port.previous_of);
+    const bool is_block = port.type == PortType::kImage || port.type == PortType::kBuffer;
+    if (newest == nullptr || newest->direction == Direction::kIn || newest->type != port.type ||
+        port.direction != Direction::kIn || port.type == PortType::kSurfaces || (is_block && !newest->is_kept())) {
+      complain(what + ": previous_of names nothing that it could read", fmt::format("\"{}\"", port.previous_of),
+               "for an input: an output of its type, images and buffers HEDDLE_PORT_KEPT");
     }
   }
 

@@ -91,6 +91,7 @@ struct Port {
   std::uint64_t byte_size = 0;
   std::string glsl;  // filled from the role when the descriptor has none
   std::string help;
+  std::string previous_of;  // an output of the same technique
   [[nodiscard]] bool is_optional() const { return (flags & HEDDLE_PORT_OPTIONAL) != 0; }
   [[nodiscard]] bool is_kept() const { return (flags & HEDDLE_PORT_KEPT) != 0; }
   bool operator==(const Port&) const = default;

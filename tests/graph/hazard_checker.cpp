@@ -58,7 +58,14 @@ class Player {
   std::vector<std::string> play(std::uint32_t frames) {
     for (ResourceIndex r = 0; r < memory_.size(); ++r)
       if (is_kept(r)) memory_[r] = {plan_.first_layout[r], true, {}};
+    find_turns();
     for (frame_ = 0; frame_ < frames; ++frame_) {
+      if (frame_ > 0)
+        for (const auto& [newest, history] : turns_) std::swap(memory_[newest], memory_[history]);
+      where_ = "start";
+      for (ResourceIndex r = 0; r < memory_.size(); ++r)
+        if (is_kept(r) && is_used_.contains(r) && memory_[r].layout != plan_.first_layout[r])
+          complain(r, "starts the frame in another layout than the plan says");
       for (ResourceIndex r = 0; r < memory_.size(); ++r)
         if (!is_kept(r)) memory_[r].is_defined = false;
       for (std::size_t s = 0; s < order_.stages.size(); ++s) {
@@ -79,9 +86,6 @@ class Player {
         touch.layouts = {VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL};
         access(r, touch);
       }
-      for (ResourceIndex r = 0; r < memory_.size(); ++r)
-        if (is_kept(r) && is_used_.contains(r) && memory_[r].layout != plan_.first_layout[r])
-          complain(r, "ends the frame in another layout than the next one expects");
     }
     return hazards_;
   }
@@ -99,6 +103,14 @@ class Player {
     for (ResourceIndex v = 0; v < graph_.resources.size(); ++v)
       if (graph_.resources[v].is_kept && root(v) == r) return true;
     return false;
+  }
+  /// Pairs of memories that change places between frames: the newest, and last frame's that somebody reads.
+  void find_turns() {
+    for (const ScheduledStage& scheduled : order_.stages) touches(scheduled);
+    for (ResourceIndex r = 0; r < graph_.resources.size(); ++r) {
+      const ResourceIndex newest = graph_.resources[r].history_of;
+      if (newest != kNoIndex && has_bytes(r) && is_used_.contains(r)) turns_.emplace_back(root(newest), r);
+    }
   }
   [[nodiscard]] bool shares_bytes(ResourceIndex a, ResourceIndex b) const {
     if (a == b) return true;
@@ -286,6 +298,7 @@ class Player {
   std::vector<Memory> memory_;
   std::vector<std::string> hazards_;
   std::set<ResourceIndex> is_used_;
+  std::vector<std::pair<ResourceIndex, ResourceIndex>> turns_;
   std::string where_;
   std::uint32_t frame_ = 0;
 };

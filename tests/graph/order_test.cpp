@@ -86,6 +86,18 @@ TEST(Order, RunsProvidersAndWhatTheyReadBeforeCallers) {
               ::testing::ElementsAre(outer, inner));
 }
 
+TEST(Order, SeesNoCycleInWhatIsReadOfTheLastFrame) {
+  SyntheticGraph made;
+  const PassIndex light = made.pass("light"), probes = made.pass("probes");
+  const ResourceIndex radiance = made.image(light, "radiance");
+  const ResourceIndex field = made.image(probes, "field", HEDDLE_PORT_KEPT);
+  made.input(light, "field", made.history(field));
+  made.gpu(light, "main", {touch("field", HEDDLE_ACCESS_SAMPLED), touch("radiance", HEDDLE_ACCESS_STORAGE_WRITE)});
+  made.input(probes, "radiance", radiance);
+  made.gpu(probes, "main", {touch("radiance", HEDDLE_ACCESS_SAMPLED), touch("field", HEDDLE_ACCESS_STORAGE_WRITE)});
+  EXPECT_EQ(made.text(order(made.graph)), "light.main probes.main");
+}
+
 TEST(Order, MergesSeveralAccessesOfOneResource) {
   SyntheticGraph made;
   const PassIndex source = made.pass("source"), contact = made.pass("contact"), caller = made.pass("caller");

@@ -68,6 +68,16 @@ ResourceIndex SyntheticGraph::change(PassIndex pass, const std::string& port, Re
   return made;
 }
 
+ResourceIndex SyntheticGraph::history(ResourceIndex newest) {
+  Resource made = graph.resources[newest];
+  made.name += "@previous";
+  made.producer = kNoIndex;
+  made.previous_version = kNoIndex;
+  made.history_of = newest;
+  graph.resources.push_back(made);
+  return static_cast<ResourceIndex>(graph.resources.size() - 1);
+}
+
 void SyntheticGraph::input(PassIndex pass, const std::string& port, ResourceIndex source, bool is_optional) {
   Port made;
   made.name = port;

@@ -21,6 +21,8 @@ class SyntheticGraph {
   ResourceIndex value(PassIndex pass, const std::string& port);
   /// An inout port: a new version of `source`.
   ResourceIndex change(PassIndex pass, const std::string& port, ResourceIndex source);
+  /// Last frame's version of a kept output.
+  ResourceIndex history(ResourceIndex newest);
   void input(PassIndex pass, const std::string& port, ResourceIndex source, bool is_optional = false);
   /// A stage; gpu stages get one shader of the kind that calls `calls`, unless they have none (`kind` empty).
   void gpu(PassIndex pass, const std::string& name, std::vector<Access> accesses,
