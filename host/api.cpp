@@ -682,7 +682,10 @@ heddle_status heddle_read(heddle_graph* graph, const char* port, uint32_t layer,
 heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
   return guarded(graph->host->error, [&] {
     const heddle::graph::FrameStats& stats = graph->executor->stats();
-    Json json{{"frames", stats.frame}, {"wall_ms", stats.wall_ms}, {"submit_ms", stats.submit_ms}};
+    Json json{{"frames", stats.frame},
+              {"wall_ms", stats.wall_ms},
+              {"submit_ms", stats.submit_ms},
+              {"stalls", stats.stalls}};
     json["stages"] = Json::array();
     for (const auto& stage : stats.stages) {
       json["stages"].push_back(

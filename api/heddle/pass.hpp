@@ -270,6 +270,12 @@ constexpr heddle_stage cpu_stage(const char* name, const heddle_access (&accesse
   return stage(name, HEDDLE_STAGE_CPU, accesses);
 }
 
+/// A cpu stage that reads what the GPU made `latency` frames ago, and waits for nothing.
+constexpr heddle_stage late(std::uint32_t latency, heddle_stage s) {
+  s.latency = latency;
+  return s;
+}
+
 /// calls: roles whose functions the shader calls, separated by spaces, or NULL.
 constexpr heddle_shader shader(std::uint32_t kind, const char* name, const char* stage_name, const char* file,
                                const char* calls = nullptr) {

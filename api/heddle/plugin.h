@@ -148,7 +148,13 @@ typedef struct heddle_stage {
   uint32_t kind; /* HEDDLE_STAGE_* */
   uint32_t access_count;
   const heddle_access* accesses;
+  /* cpu: images and buffers that it declares as HOST_READ are what they were this many frames ago, when its commands are
+   * long done: nothing waits, and no cycle is closed. Frame n is seen in frame n + latency exactly; heddle_mapped says
+   * which one it is. Values and surfaces are this frame's. 0: all is this frame's, and the GPU is waited for */
+  uint32_t latency;
+  uint32_t reserved;
 } heddle_stage;
+#define HEDDLE_MOST_LATENCY 16u
 
 /* A function of a role, provided as text. The text may use the ports listed (declared for it under their names), the
  * technique's parameters as `params.NAME`, the includes of plugins/shared and functions of roles in `calls`. File-scope
@@ -193,7 +199,10 @@ typedef struct heddle_mapped {
   void* data; /* readable and/or writable as the stage declared; valid until execute returns */
   heddle_shape shape;
   uint64_t row_bytes;
+  uint64_t frame; /* index of the frame that made the contents; HEDDLE_NO_FRAME: a stage with latency, too early after the
+                     first frame or a cut: all bytes are 0 */
 } heddle_mapped;
+#define HEDDLE_NO_FRAME 0xffffffffffffffffull
 
 /* The triangles of a surfaces port in host memory, one list, object transforms applied in float64. Owned by the host,
  * valid until the pass's execute returns; the same `revision` means the same bytes as last time. */

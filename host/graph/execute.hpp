@@ -35,6 +35,7 @@ struct FrameStats {
   std::uint64_t frame = 0;
   double wall_ms = 0;             // recording and running
   double submit_ms = 0;           // from the first submission to the last fence
+  std::uint64_t stalls = 0;       // cpu stages that waited for the GPU within the frame
   std::vector<StageTime> stages;  // profiled frames only
   vulkan::Counters before, after;
   std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;

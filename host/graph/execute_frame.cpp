@@ -274,27 +274,19 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     ResourceState& target = root(found->second);
     if (!target.image && !target.buffer) continue;
     const Resource& resource = graph.resources[target.root];
+    if (declared.is_late(access, resource.type)) {
+      frame.mappings.push_back(late_mapping(scheduled, access.port));
+      continue;
+    }
     heddle_frame::Mapping mapping;
     mapping.port = access.port;
     mapping.is_written = access.access == HEDDLE_ACCESS_HOST_WRITE;
-    const std::uint64_t bytes =
-        target.image ? std::uint64_t{vulkan::format_info(static_cast<VkFormat>(resource.format)).texel_bytes} *
-                           resource.width * resource.height * std::max(resource.layers, 1U)
-                     : target.buffer.size();
-    mapping.staging =
-        device->make_buffer(bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
+    mapping.frame = info.index;
+    mapping.staging = device->make_buffer(host_bytes(found->second),
+                                          VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
     if (!mapping.is_written) {
       reads_device = true;
-      if (target.image) {
-        VkBufferImageCopy region{};
-        region.imageSubresource = {aspect_of(resource.format), 0, 0, std::max(resource.layers, 1U)};
-        region.imageExtent = {resource.width, resource.height, 1};
-        vk.CmdCopyImageToBuffer(commands, target.image.handle(), target.layout, mapping.staging.handle(), 1, &region);
-      } else {
-        const VkBufferCopy region{0, 0, bytes};
-        vk.CmdCopyBuffer(commands, target.buffer.handle(), mapping.staging.handle(), 1, &region);
-      }
-      device->count_read_back(bytes);
+      copy_to_host(found->second, mapping.staging);
     }
     frame.mappings.push_back(std::move(mapping));
   }
@@ -310,6 +302,7 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     vk.CmdPipelineBarrier2(commands, &dependency);
     submit_and_wait();
     begin_commands();
+    ++stats.stalls;
   }
   if (state.descriptor->execute != nullptr) {
     throw_if_failed(state, state.descriptor->execute(state.object, &state.api, scheduled.stage, &frame, &info),
@@ -337,6 +330,11 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
 
 void Executor::State::run_stage(std::uint32_t index) {
   const ScheduledStage& scheduled = order.stages[index];
+  if (scheduled.is_read_back) {
+    record_barriers(barriers.before[index]);
+    run_read_back(scheduled);
+    return;
+  }
   PassState& state = *passes[scheduled.pass];
   heddle_frame frame;
   frame.stage = &scheduled;
@@ -381,6 +379,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     s.errors.clear();
     s.stats.stages.clear();
     s.stats.submit_ms = 0;
+    s.stats.stalls = 0;
     s.stats.before = s.device->counters();
     s.info.struct_size = sizeof s.info;
     s.info.cut = options.cut || s.is_fresh ? 1U : 0U;

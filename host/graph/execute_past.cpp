@@ -94,6 +94,10 @@ void Executor::State::clear_history(ResourceIndex index) {
 /// At a frame's start. What a technique keeps must still be where it made it, history or not: it is copied back unless
 /// the technique says that it writes all of it anyway.
 void Executor::State::turn_histories() {
+  if (info.cut != 0) {
+    for (ReadBackRing& ring : rings)
+      for (ReadBackRing::Copy& copy : ring.copies) copy.frame = HEDDLE_NO_FRAME;
+  }
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& history = graph.resources[i];
     if (history.history_of == kNoIndex) continue;
@@ -115,6 +119,82 @@ void Executor::State::turn_histories() {
     if ((graph.resources[newest].flags & HEDDLE_PORT_REWRITTEN) == 0) carry_over(newest, i);
     if (info.cut != 0) clear_history(i);
   }
+}
+
+std::uint64_t Executor::State::host_bytes(ResourceIndex index) const {
+  const ResourceState& state = resources[resources[index].root];
+  const Resource& resource = graph.resources[resources[index].root];
+  return state.image ? std::uint64_t{vulkan::format_info(static_cast<VkFormat>(resource.format)).texel_bytes} *
+                           resource.width * resource.height * std::max(resource.layers, 1U)
+                     : state.buffer.size();
+}
+
+/// Mip 0 of an image, or a buffer, as it is at this point of the commands.
+void Executor::State::copy_to_host(ResourceIndex index, const vulkan::Buffer& buffer) {
+  const heddle_vulkan& vk = device->table();
+  const ResourceState& state = root(index);
+  const Resource& resource = graph.resources[state.root];
+  if (state.image) {
+    VkBufferImageCopy region{};
+    region.imageSubresource = {aspect_of(resource.format), 0, 0, std::max(resource.layers, 1U)};
+    region.imageExtent = {resource.width, resource.height, 1};
+    vk.CmdCopyImageToBuffer(commands, state.image.handle(), state.layout, buffer.handle(), 1, &region);
+  } else {
+    const VkBufferCopy region{0, 0, host_bytes(index)};
+    vk.CmdCopyBuffer(commands, state.buffer.handle(), buffer.handle(), 1, &region);
+  }
+  device->count_read_back(host_bytes(index));
+}
+
+/// The copies that a stage with latency will read. The frame's end waits for them, nothing within the frame does.
+void Executor::State::run_read_back(const ScheduledStage& scheduled) {
+  const Pass& pass = graph.passes[scheduled.pass];
+  const Stage& stage = pass.entry.technique->stages[scheduled.stage];
+  for (const Access& access : stage.accesses) {
+    const auto bound = pass.ports.find(access.port);
+    if (bound == pass.ports.end() || !stage.is_late(access, graph.resources[bound->second].type)) continue;
+    auto ring = std::ranges::find_if(rings, [&](const ReadBackRing& candidate) {
+      return candidate.pass == scheduled.pass && candidate.stage == scheduled.stage && candidate.port == access.port;
+    });
+    if (ring == rings.end()) {
+      rings.push_back({scheduled.pass, scheduled.stage, access.port, {}});
+      ring = std::prev(rings.end());
+      ring->copies.resize(std::size_t{stage.latency} + 1);
+    }
+    ReadBackRing::Copy& copy = ring->copies[info.index % ring->copies.size()];
+    if (!copy.buffer) copy.buffer = device->make_buffer(host_bytes(bound->second), VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
+    copy_to_host(bound->second, copy.buffer);
+    copy.frame = info.index;
+  }
+  VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
+  memory.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT;
+  memory.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
+  memory.dstStageMask = VK_PIPELINE_STAGE_2_HOST_BIT;
+  memory.dstAccessMask = VK_ACCESS_2_HOST_READ_BIT;
+  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+  dependency.memoryBarrierCount = 1;
+  dependency.pMemoryBarriers = &memory;
+  device->table().CmdPipelineBarrier2(commands, &dependency);
+}
+
+/// What the stage maps in this frame: the copy of `latency` frames ago, or zeros.
+heddle_frame::Mapping Executor::State::late_mapping(const ScheduledStage& scheduled, const std::string& port) {
+  const Pass& pass = graph.passes[scheduled.pass];
+  const std::uint64_t latency = pass.entry.technique->stages[scheduled.stage].latency;
+  heddle_frame::Mapping mapping;
+  mapping.port = port;
+  for (const ReadBackRing& ring : rings) {
+    if (ring.pass != scheduled.pass || ring.stage != scheduled.stage || ring.port != port) continue;
+    for (const ReadBackRing::Copy& copy : ring.copies) {
+      if (copy.frame == HEDDLE_NO_FRAME || copy.frame + latency != info.index) continue;
+      mapping.frame = copy.frame;
+      mapping.late = copy.buffer.data();
+      return mapping;
+    }
+  }
+  mapping.zeros.resize(host_bytes(pass.ports.find(port)->second));
+  mapping.late = mapping.zeros.data();
+  return mapping;
 }
 
 /// A stage that answered HEDDLE_KEEP wrote nothing into the memory that took its turn.

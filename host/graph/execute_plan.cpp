@@ -89,6 +89,7 @@ void Executor::State::unplan() {
   }
   passes.clear();
   resources.clear();
+  rings.clear();
   frame_buffers.clear();
   heap = {};
   is_planned = false;

@@ -35,6 +35,19 @@ struct ShaderState {
   vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
 };
 
+/// Copies of an image or buffer on the host, for a stage with latency: as many as frames are between, and one that is
+/// being made.
+struct ReadBackRing {
+  PassIndex pass = kNoIndex;
+  std::uint32_t stage = 0;
+  std::string port;
+  struct Copy {
+    vulkan::Buffer buffer;
+    std::uint64_t frame = HEDDLE_NO_FRAME;
+  };
+  std::vector<Copy> copies;
+};
+
 struct PassState {
   heddle_pass_host api{};          // api.host = this
   void* executor_state = nullptr;  // Executor::State
@@ -61,6 +74,10 @@ struct heddle_frame {
     std::string port;
     heddle::vulkan::Buffer staging;
     bool is_written = false;
+    std::uint64_t frame = HEDDLE_NO_FRAME;  // that made the contents
+    // Stages with latency: where the contents are; else in staging.
+    std::byte* late = nullptr;
+    std::vector<std::byte> zeros;  // `late` when nothing has arrived
   };
   std::vector<Mapping> mappings;
 };
@@ -82,6 +99,7 @@ struct Executor::State {
   BarrierPlan barriers;
   std::vector<ResourceIndex> wanted;
   std::vector<ResourceState> resources;
+  std::vector<ReadBackRing> rings;
   std::vector<std::unique_ptr<PassState>> passes;  // parallel to graph.passes; null if pruned
   vulkan::Heap heap;
   std::uint64_t kept_bytes = 0;
@@ -140,6 +158,10 @@ struct Executor::State {
   void carry_over(ResourceIndex newest, ResourceIndex history);
   void keep_outputs(const ScheduledStage& stage);
   void clear_history(ResourceIndex history);
+  void run_read_back(const ScheduledStage& stage);
+  heddle_frame::Mapping late_mapping(const ScheduledStage& stage, const std::string& port);
+  void copy_to_host(ResourceIndex resource, const vulkan::Buffer& buffer);
+  [[nodiscard]] std::uint64_t host_bytes(ResourceIndex resource) const;
   void begin_commands();
   void submit_and_wait();
   void record_barriers(std::span<const Barrier> list);

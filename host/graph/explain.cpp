@@ -140,6 +140,18 @@ std::string stage_text(const ResolvedGraph& graph, const ScheduledStage& schedul
   return pass.name + "." + pass.entry.technique->stages[scheduled.stage].name;
 }
 
+/// How a cpu stage gets what the GPU made, and what that costs.
+std::string waiting_text(const ResolvedGraph& graph, const ScheduledStage& scheduled) {
+  const std::uint32_t latency = graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].latency;
+  if (scheduled.is_read_back)
+    return fmt::format("   copies to the host, for {} later", latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
+  if (scheduled.splits_submission) return "   waits for the gpu: reads what it made this frame";
+  if (latency > 0)
+    return fmt::format("   waits for nothing: reads what the gpu made {} ago",
+                       latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
+  return {};
+}
+
 std::vector<bool> used_resources(const ResolvedGraph& graph, const Order& order) {
   std::vector<bool> is_used(graph.resources.size(), false);
   for (const ScheduledStage& scheduled : order.stages)
@@ -243,8 +255,7 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
   for (std::uint32_t s = 0; s < order.stages.size(); ++s) {
     const ScheduledStage& scheduled = order.stages[s];
     text += fmt::format("  {:>3}  {} {}{}\n", s + 1, scheduled.kind == StageKind::kGpu ? "gpu" : "cpu",
-                        stage_text(graph, scheduled),
-                        scheduled.splits_submission ? "   waits for the gpu: reads what it made this frame" : "");
+                        stage_text(graph, scheduled), waiting_text(graph, scheduled));
     rows.clear();
     for (const auto& use : scheduled.uses)
       rows.push_back({"      ",
@@ -331,7 +342,9 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
     Json entry{{"pass", graph.passes[scheduled.pass].name},
                {"stage", graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].name},
                {"kind", scheduled.kind == StageKind::kGpu ? "gpu" : "cpu"},
-               {"splits_submission", scheduled.splits_submission}};
+               {"splits_submission", scheduled.splits_submission},
+               {"latency", graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].latency},
+               {"is_read_back", scheduled.is_read_back}};
     entry["uses"] = Json::array();
     for (const auto& use : scheduled.uses)
       entry["uses"].push_back({{"resource", graph.resources[use.resource].name},

@@ -85,6 +85,17 @@ class Scheduler {
         nodes_.push_back(std::move(node));
       }
     }
+    // Copies for stages with latency stand apart from their passes, and come after everything that has no reason to wait
+    // for them.
+    for (NodeIndex n = 0, count = static_cast<NodeIndex>(nodes_.size()); n < count; ++n) {
+      Node copies;
+      copies.scheduled = nodes_[n].scheduled;
+      copies.scheduled.uses = late_uses(graph_, copies.scheduled.pass, copies.scheduled.stage);
+      if (copies.scheduled.uses.empty()) continue;
+      copies.scheduled.kind = StageKind::kGpu;
+      copies.scheduled.is_read_back = true;
+      nodes_.push_back(std::move(copies));
+    }
     edges_.resize(nodes_.size());
   }
 
@@ -112,15 +123,38 @@ class Scheduler {
   void connect(NodeIndex n) {
     const Node& node = nodes_[n];
     const PassIndex pass = node.scheduled.pass;
-    if (node.scheduled.stage > 0) add_edge(n - 1, n, {});
+    const bool is_read_back = node.scheduled.is_read_back;
+    if (node.scheduled.stage > 0 && !is_read_back) add_edge(n - 1, n, {});
 
     const auto read = [&](ResourceIndex resource) {
-      if (graph_.resources[resource].producer == pass) return;
+      if (graph_.resources[resource].producer == pass && !is_read_back) return;
       for (const NodeIndex w : writers(resource))
-        if (nodes_[w].scheduled.pass != pass)
+        if (nodes_[w].scheduled.pass != pass || is_read_back)
           add_edge(w, n, fmt::format("'{}' reads '{}'", name(pass), graph_.resources[resource].name));
     };
     for (const auto& use : node.scheduled.uses) read(use.resource);
+    if (!is_read_back) connect_ports(n, read);
+    // Whoever touches the version before a change in place comes before the change.
+    for (const auto& use : node.scheduled.uses) {
+      if (!has_memory(graph_.resources[use.resource].type)) continue;
+      for (ResourceIndex later = 0; later < graph_.resources.size(); ++later) {
+        const Resource& r = graph_.resources[later];
+        if (r.previous_version != use.resource || graph_.passes[r.producer].is_pruned) continue;
+        if (r.producer == pass && !is_read_back) continue;
+        for (const NodeIndex w : writers(later))
+          if (nodes_[w].scheduled.pass == r.producer)
+            add_edge(n, w,
+                     fmt::format("'{}' changes '{}', which '{}' reads", name(r.producer),
+                                 graph_.resources[use.resource].name, name(pass)));
+      }
+    }
+  }
+
+  /// What a stage's pass needs beyond the stage's own uses.
+  template <typename Read>
+  void connect_ports(NodeIndex n, const Read& read) {
+    const Node& node = nodes_[n];
+    const PassIndex pass = node.scheduled.pass;
     for (const auto& [port, resource] : graph_.passes[pass].inout_sources) read(resource);
     // A value may be asked for without a declared access: it must be there.
     for (const auto& [port, resource] : graph_.passes[pass].ports)
@@ -137,19 +171,6 @@ class Scheduler {
     for (const PassIndex provider : node.providers) {
       if (provider == pass || nodes_of_[provider].empty()) continue;
       add_edge(nodes_of_[provider].back(), n, fmt::format("'{}' calls functions of '{}'", name(pass), name(provider)));
-    }
-    // Whoever touches the version before a change in place comes before the change.
-    for (const auto& use : node.scheduled.uses) {
-      if (!has_memory(graph_.resources[use.resource].type)) continue;
-      for (ResourceIndex later = 0; later < graph_.resources.size(); ++later) {
-        const Resource& r = graph_.resources[later];
-        if (r.previous_version != use.resource || r.producer == pass || graph_.passes[r.producer].is_pruned) continue;
-        for (const NodeIndex w : writers(later))
-          if (nodes_[w].scheduled.pass == r.producer)
-            add_edge(n, w,
-                     fmt::format("'{}' changes '{}', which '{}' reads", name(r.producer),
-                                 graph_.resources[use.resource].name, name(pass)));
-      }
     }
   }
 

@@ -75,6 +75,9 @@ std::string past_reason_for(const ResolvedGraph& graph, PassIndex made, PassInde
     if (newest != kNoIndex && graph.resources[newest].producer == made)
       return fmt::format("makes '{}', whose last version '{}' reads", graph.resources[newest].name,
                          graph.passes[user].name);
+    if (graph.resources[resource].producer == made)
+      return fmt::format("makes '{}', which '{}' reads some frames later", graph.resources[resource].name,
+                         graph.passes[user].name);
   }
   return fmt::format("made what '{}' reads", graph.passes[user].name);
 }

@@ -143,6 +143,7 @@ struct ScheduledStage {
   std::uint32_t stage = 0;  // index into technique->stages
   StageKind kind = StageKind::kGpu;
   bool splits_submission = false;  // a cpu stage that reads what the GPU made this frame
+  bool is_read_back = false;       // only the copies of what the stage will read when its latency is over
   // What the stage touches, functions of its shaders' providers included; several accesses of one resource are merged.
   struct Use {
     ResourceIndex resource = kNoIndex;

@@ -219,6 +219,7 @@ class DescriptorReader {
     stage.name = text(source.name, "name");
     stage.kind = static_cast<StageKind>(source.kind);
     stage.accesses = read_accesses(source.accesses, source.access_count);
+    stage.latency = source.latency;
     return stage;
   }
 

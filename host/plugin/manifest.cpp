@@ -99,7 +99,8 @@ Json accesses_to_json(const std::vector<Access>& accesses) {
 Json stage_to_json(const Stage& stage) {
   return {{"name", stage.name},
           {"kind", word_to_json(stage.kind, kStageKinds)},
-          {"accesses", accesses_to_json(stage.accesses)}};
+          {"accesses", accesses_to_json(stage.accesses)},
+          {"latency", stage.latency}};
 }
 
 Json shader_to_json(const Shader& shader) {
@@ -287,11 +288,12 @@ std::vector<Access> read_accesses(const Node& node) {
 }
 
 Stage read_stage(const Node& node) {
-  node.only({"name", "kind", "accesses"});
+  node.only({"name", "kind", "accesses", "latency"});
   Stage stage;
   node.at("name").read(stage.name);
   node.at("kind").read_word(stage.kind, kStageKinds);
   stage.accesses = read_accesses(node.at("accesses"));
+  node.at("latency").read(stage.latency);
   return stage;
 }
 

@@ -263,6 +263,19 @@ class Rules {
                                                : "no HOST_READ and no HOST_WRITE in a gpu stage");
       }
     }
+    check_latency(stage, what);
+  }
+
+  void check_latency(const Stage& stage, const std::string& what) {
+    if (stage.latency == 0) return;
+    const bool reads = std::any_of(stage.accesses.begin(), stage.accesses.end(), [&](const Access& access) {
+      const Port* port = technique_.find_port(access.port);
+      return port != nullptr && stage.is_late(access, port->type);
+    });
+    if (stage.latency > HEDDLE_MOST_LATENCY || stage.kind != StageKind::kCpu || !reads) {
+      complain(what + ": latency has no meaning here", fmt::format("{}", stage.latency),
+               fmt::format("1 to {}, in a cpu stage with HOST_READ of an image or buffer", HEDDLE_MOST_LATENCY));
+    }
   }
 
   void check_calls(const std::string& what, const std::vector<std::string>& calls) {

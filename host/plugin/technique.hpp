@@ -128,6 +128,12 @@ struct Stage {
   std::string name;
   StageKind kind = StageKind::kGpu;
   std::vector<Access> accesses;
+  std::uint32_t latency = 0;  // frames; cpu stages
+  /// True for an access that reads what the GPU made some frames ago.
+  [[nodiscard]] bool is_late(const Access& access, PortType type) const {
+    return latency > 0 && access.access == HEDDLE_ACCESS_HOST_READ &&
+           (type == PortType::kImage || type == PortType::kBuffer);
+  }
   bool operator==(const Stage&) const = default;
 };
 

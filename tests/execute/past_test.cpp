@@ -36,6 +36,12 @@ std::uint64_t counter(Graph& graph, const char* name) {
   return nlohmann::json::parse(text)["counters"][name].get<std::uint64_t>();
 }
 
+std::uint64_t stat(Graph& graph, const char* name) {
+  const char* text = nullptr;
+  check(heddle_stats(graph.handle, &text));
+  return nlohmann::json::parse(text)[name].get<std::uint64_t>();
+}
+
 /// After k frames: value + (neutral - value) (1 - weight)^k. All numbers are dyadic, so float32 is exact.
 void expect_average(const Image& image, int frames, float value = 1.0F) {
   for (std::uint32_t channel = 0; channel < 4; ++channel) {
@@ -147,6 +153,36 @@ TEST(History, OfValuesIsEmptyFirstThenWhatTheyWere) {
     EXPECT_EQ(image.at(2, 0, 2), static_cast<float>(since)) << "frame " << k;
     EXPECT_EQ(image.at(3, 0, 0), since == 0 ? 0.0F : 1.0F) << "the origin moved one metre";
     EXPECT_EQ(image.at(3, 0, 1), since == 0 ? 1.0F : 0.0F);
+  }
+}
+
+TEST(Latency, BringsEveryFrameExactlyTwoFramesLater) {
+  Scene scene;
+  Graph graph("extent = [16, 8]\noutput = \"late.color\"\n" + pass("late", "late"));
+  int cut = 0;
+  for (int k = 0; k < 10; ++k) {
+    if (k == 5) cut = k;
+    const Image image = frame(graph, scene, k == 5);
+    const bool has_arrived = k >= cut + 2;
+    EXPECT_EQ(image.at(9, 3, 0), has_arrived ? static_cast<float>(k - 2 + 1) : 0.0F) << "frame " << k;
+    EXPECT_EQ(image.at(9, 3, 1), has_arrived ? static_cast<float>(3 * (k - 2) + 5) : 0.0F) << "frame " << k;
+    EXPECT_EQ(image.at(9, 3, 2), has_arrived ? static_cast<float>(3 * (k - 2) + 7) : 0.0F) << "frame " << k;
+    EXPECT_EQ(image.at(9, 3, 3), has_arrived ? 0.0F : 1.0F) << "what is not there reads as zeros";
+    EXPECT_EQ(counter(graph, "submits"), 1U);
+    EXPECT_EQ(stat(graph, "stalls"), 0U);
+  }
+}
+
+TEST(Latency, OfZeroSplitsTheFrame) {
+  Scene scene;
+  Graph graph("extent = [16, 8]\noutput = \"prompt.color\"\n" + pass("prompt", "prompt"));
+  for (int k = 0; k < 3; ++k) {
+    const Image image = frame(graph, scene);
+    EXPECT_EQ(image.at(9, 3, 0), static_cast<float>(k + 1));
+    EXPECT_EQ(image.at(9, 3, 1), static_cast<float>(3 * k + 5));
+    EXPECT_EQ(image.at(9, 3, 2), static_cast<float>(3 * k + 7));
+    EXPECT_EQ(counter(graph, "submits"), 2U);
+    EXPECT_EQ(stat(graph, "stalls"), 1U);
   }
 }
 

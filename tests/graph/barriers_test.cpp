@@ -351,7 +351,7 @@ TEST(Barriers, CoverGraphsMadeByChance) {
                                            : kWrites[random() % kWrites.size()],
                                HEDDLE_LOAD_CLEAR));
       if (is_cpu) {
-        made.cpu(p, "main", accesses);
+        made.cpu(p, "main", accesses, random() % 2);
       } else {
         made.gpu(p, "main", accesses, kKinds[random() % kKinds.size()]);
       }

@@ -202,7 +202,13 @@ class Player {
     const Technique& technique = *pass.entry.technique;
     const Stage& stage = technique.stages[scheduled.stage];
     const Stages shaders = shader_stages(technique, stage);
-    for (const Access& access : stage.accesses) add(list, pass, access, shaders);
+    for (const Access& access : stage.accesses) {
+      const auto bound = pass.ports.find(access.port);
+      if (bound == pass.ports.end()) continue;
+      // A stage with latency reads the host's copies; only making them touches the memory.
+      const bool is_copied = stage.latency > 0 && access.access == HEDDLE_ACCESS_HOST_READ && has_bytes(bound->second);
+      if (is_copied == scheduled.is_read_back) add(list, pass, access, shaders);
+    }
     for (const Shader& shader : technique.shaders)
       if (shader.stage == stage.name) add_functions(list, pass, shader.calls, shaders, 0);
     for (const auto& [resource, touch] : list) is_used_.insert(resource);

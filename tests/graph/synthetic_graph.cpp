@@ -89,7 +89,7 @@ void SyntheticGraph::input(PassIndex pass, const std::string& port, ResourceInde
 
 void SyntheticGraph::gpu(PassIndex pass, const std::string& name, std::vector<Access> accesses,
                          std::optional<ShaderKind> kind, std::vector<std::string> calls) {
-  technique(pass).stages.push_back({name, StageKind::kGpu, std::move(accesses)});
+  technique(pass).stages.push_back({name, StageKind::kGpu, std::move(accesses), 0});
   if (!kind) return;
   Shader shader;
   shader.name = name;
@@ -99,8 +99,9 @@ void SyntheticGraph::gpu(PassIndex pass, const std::string& name, std::vector<Ac
   technique(pass).shaders.push_back(shader);
 }
 
-void SyntheticGraph::cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses) {
-  technique(pass).stages.push_back({name, StageKind::kCpu, std::move(accesses)});
+void SyntheticGraph::cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses,
+                         std::uint32_t latency) {
+  technique(pass).stages.push_back({name, StageKind::kCpu, std::move(accesses), latency});
 }
 
 void SyntheticGraph::provide(PassIndex pass, const std::string& role, std::vector<Access> accesses,

@@ -27,7 +27,10 @@ class SyntheticGraph {
   /// A stage; gpu stages get one shader of the kind that calls `calls`, unless they have none (`kind` empty).
   void gpu(PassIndex pass, const std::string& name, std::vector<Access> accesses,
            std::optional<ShaderKind> kind = ShaderKind::kCompute, std::vector<std::string> calls = {});
-  void cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses);
+  void cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses, std::uint32_t latency = 0);
+  void delay(PassIndex pass, std::uint32_t stage, std::uint32_t latency) {
+    technique(pass).stages[stage].latency = latency;
+  }
   void provide(PassIndex pass, const std::string& role, std::vector<Access> accesses,
                std::vector<std::string> calls = {});
   void bind(PassIndex caller, const std::string& role, std::vector<PassIndex> providers);

@@ -2,6 +2,8 @@
 // past/average, columns, show, count, values: what is made this frame from what was made in the last. For tests.
 #include <heddle/pass.hpp>
 
+#include <algorithm>
+
 namespace {
 
 using namespace heddle::pass;
@@ -103,6 +105,43 @@ struct Values {
   }
 };
 
+// The GPU makes 3 index + i; the CPU reads it, two frames later or at once, and hands it to a shader that shows it.
+constexpr heddle_port kReadPorts[] = {
+    buffer_out("made", 64, "uint made[16];", "numbers"),
+    image_out("numbers", VK_FORMAT_R32_SFLOAT, "the same as a picture"),
+    value_out("seen", 16, "the frame they are of + 1 (0: none), one of each, whether all bytes are 0", "vec4 seen;"),
+    image_out("color", VK_FORMAT_R32G32B32A32_SFLOAT, "what was seen"),
+};
+constexpr heddle_access kReading[] = {host_read("made"), host_read("numbers"), value("seen")};
+constexpr heddle_access kMaking[] = {storage_write("made"), storage_write("numbers")};
+constexpr heddle_access kShowSeen[] = {value("seen"), storage_write("color")};
+constexpr heddle_stage kLateStages[] = {late(2, cpu_stage("read", kReading)), gpu_stage("make", kMaking),
+                                        gpu_stage("show", kShowSeen)};
+constexpr heddle_stage kPromptStages[] = {gpu_stage("make", kMaking), cpu_stage("read", kReading),
+                                          gpu_stage("show", kShowSeen)};
+constexpr heddle_shader kReadShaders[] = {compute_shader("make", "make", "make.comp.glsl"),
+                                          compute_shader("seen", "show", "seen.comp.glsl")};
+template <std::uint32_t kMake>
+struct Read {
+  heddle_status execute(const Frame& frame) const {
+    heddle_mapped made;
+    heddle_mapped numbers;
+    if (const heddle_status status = frame.map("made", made); status != HEDDLE_OK) return status;
+    if (const heddle_status status = frame.map("numbers", numbers); status != HEDDLE_OK) return status;
+    if (made.frame != numbers.frame) return frame.host().fail(HEDDLE_BUG, "two frames in one");
+    const auto* counts = static_cast<const std::uint32_t*>(made.data);
+    const auto* row = static_cast<const float*>(numbers.data) + 2 * numbers.row_bytes / sizeof(float);
+    const bool is_zero = std::all_of(counts, counts + 16, [](std::uint32_t count) { return count == 0; });
+    const float seen[4] = {made.frame == HEDDLE_NO_FRAME ? 0.0F : static_cast<float>(made.frame) + 1.0F,
+                           static_cast<float>(counts[5]), row[7], is_zero ? 1.0F : 0.0F};
+    return frame.set_value<float>("seen", seen);
+  }
+  heddle_status record(const Frame& frame) const {
+    if (frame.stage() != kMake) return frame.dispatch_over("seen", "color");
+    return frame.dispatch_over("make", "numbers", static_cast<std::uint32_t>(frame.info().index));
+  }
+};
+
 template <typename Pass, std::size_t kPorts, std::size_t kStages, std::size_t kShaders>
 constexpr heddle_technique make(const char* id, const char* title, const heddle_port (&ports)[kPorts],
                                 const heddle_stage (&stages)[kStages], const heddle_shader (&shaders)[kShaders]) {
@@ -126,6 +165,12 @@ constexpr heddle_technique kCountTechnique =
 constexpr heddle_technique kValuesTechnique =
     make<Values>("past/values", "Counts in a value", kValuesPorts, kValuesStages, kValuesShaders);
 
+constexpr heddle_technique kLateTechnique =
+    make<Read<1>>("past/late", "Read two frames later", kReadPorts, kLateStages, kReadShaders);
+constexpr heddle_technique kPromptTechnique =
+    make<Read<0>>("past/prompt", "Read at once", kReadPorts, kPromptStages, kReadShaders);
+
 }  // namespace
 
-HEDDLE_PLUGIN(kAverageTechnique, kColumnsTechnique, kShowTechnique, kCountTechnique, kValuesTechnique)
+HEDDLE_PLUGIN(kAverageTechnique, kColumnsTechnique, kShowTechnique, kCountTechnique, kValuesTechnique, kLateTechnique,
+              kPromptTechnique)
