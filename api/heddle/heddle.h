@@ -163,6 +163,7 @@ HEDDLE_EXPORT heddle_status heddle_graph_keep(heddle_graph* graph, const char* p
 HEDDLE_EXPORT heddle_status heddle_graph_set(heddle_graph* graph, const char* setting);
 
 #define HEDDLE_RENDER_PROFILE 1u /* submit and wait pass by pass, and time each: slower, for looking */
+#define HEDDLE_RENDER_ANEW 2u    /* render even what is complete and unchanged: for measuring. PROFILE does so too */
 typedef struct heddle_render_options {
   uint32_t struct_size;
   uint32_t flags; /* HEDDLE_RENDER_* */
@@ -172,7 +173,8 @@ typedef struct heddle_render_options {
   uint32_t reserved;
 } heddle_render_options;
 
-/* Renders one frame and waits for it; what moved since the last frame has then arrived. options may be NULL.
+/* Renders one frame and waits for it; what moved since the last frame has then arrived. options may be NULL. A graph
+ * with loops, such as progressive supersampling, that are complete submits nothing while nothing changes.
  * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene,
                                           const heddle_render_options* options);

@@ -45,6 +45,7 @@ void Executor::keep(std::string_view resource) {
 void Executor::set_parameter(PassIndex pass, std::size_t parameter, const ParameterValue& value) {
   State& s = *state_;
   s.original.passes[pass].parameters[parameter] = value;
+  s.is_changed = true;
   if (!s.is_planned) return;
   const Parameter& declared = s.original.passes[pass].entry.technique->parameters[parameter];
   if ((declared.flags & (HEDDLE_PARAMETER_REDECLARE | HEDDLE_PARAMETER_CONSTANT)) != 0) {
@@ -60,7 +61,7 @@ const FrameStats& Executor::stats() const {
 }
 
 const ResolvedGraph& Executor::graph() const {
-  return state_->graph;
+  return state_->original;
 }
 
 std::string Executor::explain(std::string_view format) {
@@ -82,6 +83,7 @@ std::string Executor::explain(std::string_view format) {
       return features;
     }();
     prune(graph, wanted, every_feature);
+    weave_loops(graph);
     order = graph::order(graph);
     const std::vector<MemoryNeed> needs(graph.resources.size());
     placement = alias(graph, order, needs, wanted);

@@ -20,12 +20,6 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-double process_cpu_ms() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
-}
-
 VkImageAspectFlags aspect_of(std::uint32_t format) {
   return vulkan::format_info(static_cast<VkFormat>(format)).is_depth ? VK_IMAGE_ASPECT_DEPTH_BIT
                                                                      : VK_IMAGE_ASPECT_COLOR_BIT;
@@ -328,10 +322,10 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
   }
 }
 
-void Executor::State::run_stage(std::uint32_t index) {
+void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> before) {
   const ScheduledStage& scheduled = order.stages[index];
   if (scheduled.is_read_back) {
-    record_barriers(barriers.before[index]);
+    record_barriers(before);
     run_read_back(scheduled);
     return;
   }
@@ -342,7 +336,7 @@ void Executor::State::run_stage(std::uint32_t index) {
       state.descriptor->activity != nullptr
           ? state.descriptor->activity(state.object, &state.api, scheduled.stage, &frame, &info)
           : HEDDLE_RUN;
-  record_barriers(barriers.before[index]);
+  record_barriers(before);
   if (activity == HEDDLE_KEEP) {
     keep_outputs(scheduled);
     return;
@@ -368,14 +362,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
   // Nothing of a failed frame may reach the next: its plan, values and recorded commands go.
   try {
     if (!s.is_planned || rendered.features() != s.planned_features) s.plan(rendered);
-    const heddle_vulkan& vk = s.device->table();
-    vulkan::check(vk.ResetCommandPool(vk.device, s.command_pool, 0), "vkResetCommandPool");
-    s.command_buffer_count = 0;
-    for (VkDescriptorPool pool : s.descriptor_pools) (void)vk.ResetDescriptorPool(vk.device, pool, 0);
-    s.descriptor_pool = 0;
-    s.frame_buffers.clear();
-    s.view_count = 0;
-    s.program_set = VK_NULL_HANDLE;
+    s.begin_frame_memory();
     s.errors.clear();
     s.stats.stages.clear();
     s.stats.submit_ms = 0;
@@ -383,29 +370,22 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     s.stats.before = s.device->counters();
     s.info.struct_size = sizeof s.info;
     s.info.cut = options.cut || s.is_fresh ? 1U : 0U;
-    s.info.index = s.stats.frame;
+    s.info.is_still = s.is_still(rendered, options) ? 1U : 0U;
+    s.info.index = s.frame_index;
     s.info.time = options.time;
     s.info.time_step = options.time_step;
     s.info.seed = options.seed;
-    s.begin_commands();
-    s.turn_histories();
-    s.set_scene_values(rendered);
-    for (std::uint32_t i = 0; i < s.order.stages.size(); ++i) {
-      const auto stage_start = Clock::now();
-      const double cpu_start = process_cpu_ms();
-      s.run_stage(i);
-      if (options.profile) {
-        s.submit_and_wait();
-        s.begin_commands();
-        const ScheduledStage& scheduled = s.order.stages[i];
-        const Pass& pass = s.graph.passes[scheduled.pass];
-        s.stats.stages.push_back({pass.name, pass.entry.technique->stages[scheduled.stage].name,
-                                  milliseconds_since(stage_start), process_cpu_ms() - cpu_start});
-      }
+    if (s.find_iterations()) {
+      if (s.is_continuing) s.info.time_step = 0;
+      s.begin_commands();
+      s.turn_histories();
+      s.set_scene_values(rendered);
+      s.run_stages(options.profile);
+      s.record_barriers(s.barriers.at_end);
+      s.submit_and_wait();
+      s.frame_buffers.clear();
+      ++s.frame_index;
     }
-    s.record_barriers(s.barriers.at_end);
-    s.submit_and_wait();
-    s.frame_buffers.clear();
     s.stats.after = s.device->counters();
     s.stats.wall_ms = milliseconds_since(start);
     ++s.stats.frame;

@@ -103,6 +103,7 @@ void Executor::State::turn_histories() {
     if (history.history_of == kNoIndex) continue;
     ResourceState& old = resources[i];
     if (history.type == PortType::kValue) {
+      if (is_continuing) continue;
       if (info.cut == 0 && resources[history.history_of].value.is_set) {
         set_value(i, std::vector(resources[history.history_of].value.bytes));
       } else {
@@ -113,6 +114,13 @@ void Executor::State::turn_histories() {
     if (!old.image && !old.buffer) continue;
     if (is_fresh) continue;  // both hold neutral contents
     const ResourceIndex newest = resources[history.history_of].root;
+    if (is_continuing) {
+      // No time has passed: nobody changes places, but the plan expects the layouts of two who did.
+      for (const ResourceIndex r : {newest, i}) {
+        record_barriers(std::array{full_barrier(r, resources[r].layout, barriers.first_layout[r])});
+      }
+      continue;
+    }
     std::swap(resources[newest].image, old.image);
     std::swap(resources[newest].buffer, old.buffer);
     std::swap(resources[newest].layout, old.layout);
@@ -162,7 +170,8 @@ void Executor::State::run_read_back(const ScheduledStage& scheduled) {
       ring->copies.resize(std::size_t{stage.latency} + 1);
     }
     ReadBackRing::Copy& copy = ring->copies[info.index % ring->copies.size()];
-    if (!copy.buffer) copy.buffer = device->make_buffer(host_bytes(bound->second), VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
+    if (!copy.buffer)
+      copy.buffer = device->make_buffer(host_bytes(bound->second), VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
     copy_to_host(bound->second, copy.buffer);
     copy.frame = info.index;
   }
@@ -199,7 +208,7 @@ heddle_frame::Mapping Executor::State::late_mapping(const ScheduledStage& schedu
 
 /// A stage that answered HEDDLE_KEEP wrote nothing into the memory that took its turn.
 void Executor::State::keep_outputs(const ScheduledStage& stage) {
-  if (is_fresh) return;
+  if (is_fresh || is_continuing) return;
   for (const ScheduledStage::Use& use : stage.uses) {
     const ResourceIndex newest = resources[use.resource].root;
     if (!use.writes || !is_image_or_buffer(graph.resources[newest])) continue;

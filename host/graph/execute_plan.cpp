@@ -108,6 +108,7 @@ void Executor::State::plan(const scene::Scene& planned_scene) {
     if (std::find(wanted.begin(), wanted.end(), resource) == wanted.end()) wanted.push_back(resource);
   }
   prune(graph, wanted, planned_features);
+  weave_loops(graph);
   order = graph::order(graph);
   resources.resize(graph.resources.size());
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
@@ -160,16 +161,16 @@ void Executor::State::declare_passes() {
   for (const PassIndex index : dependency_order(graph)) {
     PassState* pass = passes[index].get();
     if (pass == nullptr) continue;
+    for (const auto& [port, source] : graph.passes[index].inout_sources) {
+      Resource& made = graph.resources[graph.passes[index].ports.at(port)];
+      if (made.type == PortType::kValue) continue;
+      copy_shape(made, graph.resources[source]);
+    }
     if (pass->descriptor->declare != nullptr) {
       pass->is_declaring = true;
       const heddle_status status = pass->descriptor->declare(pass->object, &pass->api);
       pass->is_declaring = false;
       throw_if_failed(*pass, status, "declare");
-    }
-    for (const auto& [port, source] : graph.passes[index].inout_sources) {
-      Resource& made = graph.resources[graph.passes[index].ports.at(port)];
-      if (made.type == PortType::kValue) continue;
-      copy_shape(made, graph.resources[source]);
     }
   }
   for (Resource& history : graph.resources) {
@@ -198,9 +199,8 @@ void Executor::State::place_resources() {
     const Resource& resource = graph.resources[i];
     if (!has_memory(graph, resource) || !passes[maker_of(graph, resource)]) continue;
     // A history that only passes of no use would read costs nothing.
-    if (resource.history_of != kNoIndex && std::ranges::none_of(pairs, [&](const HistoryPair& pair) {
-          return pair.history == i;
-        })) {
+    if (resource.history_of != kNoIndex &&
+        std::ranges::none_of(pairs, [&](const HistoryPair& pair) { return pair.history == i; })) {
       continue;
     }
     is_alive[i] = 1;

@@ -100,6 +100,7 @@ struct Executor::State {
   std::vector<ResourceIndex> wanted;
   std::vector<ResourceState> resources;
   std::vector<ReadBackRing> rings;
+  std::vector<heddle_iterations> iterations;       // of this frame, parallel to order.loops
   std::vector<std::unique_ptr<PassState>> passes;  // parallel to graph.passes; null if pruned
   vulkan::Heap heap;
   std::uint64_t kept_bytes = 0;
@@ -123,8 +124,12 @@ struct Executor::State {
   scene::Snapshot snapshot;
   std::optional<heddle_camera> previous_camera;
   glm::dvec3 origin{0.0}, previous_origin{0.0};
+  std::vector<std::byte> inputs;  // of the last frame, all that techniques can see: what is_still compares
+  bool is_changed = false;        // a parameter was set since
 
   // One frame.
+  std::uint64_t frame_index = 0;  // frames that were submitted
+  bool is_continuing = false;     // a loop goes on where the last frame left it: no time passes
   FrameStats stats;
   heddle_frame_info info{};
   VkCommandBuffer commands = VK_NULL_HANDLE;
@@ -165,7 +170,13 @@ struct Executor::State {
   void begin_commands();
   void submit_and_wait();
   void record_barriers(std::span<const Barrier> list);
-  void run_stage(std::uint32_t index);
+  void run_stage(std::uint32_t index, std::span<const Barrier> before);
+  void run_stages(bool is_profiled);
+  void run_loop(std::size_t loop, bool is_profiled);
+  void run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled);
+  [[nodiscard]] bool find_iterations();
+  [[nodiscard]] bool is_still(const scene::Scene& scene, const FrameOptions& options);
+  void begin_frame_memory();
   void run_cpu_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   void write_neutral(PassState& pass, const ScheduledStage& stage);
   void clear_image(ResourceState& state, const Resource& resource, const std::array<double, 4>& value);

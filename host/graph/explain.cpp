@@ -144,12 +144,34 @@ std::string stage_text(const ResolvedGraph& graph, const ScheduledStage& schedul
 std::string waiting_text(const ResolvedGraph& graph, const ScheduledStage& scheduled) {
   const std::uint32_t latency = graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].latency;
   if (scheduled.is_read_back)
-    return fmt::format("   copies to the host, for {} later", latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
+    return fmt::format("   copies to the host, for {} later",
+                       latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
   if (scheduled.splits_submission) return "   waits for the gpu: reads what it made this frame";
   if (latency > 0)
     return fmt::format("   waits for nothing: reads what the gpu made {} ago",
                        latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
   return {};
+}
+
+/// Lines before a stage where loops begin or have ended.
+std::string loop_text(const ResolvedGraph& graph, const Order& order, std::uint32_t stage) {
+  std::string text;
+  for (const ScheduledLoop& loop : order.loops) {
+    const std::string& name = graph.passes[loop.pass].name;
+    if (loop.end == stage) text += fmt::format("       end of the loop of '{}'\n", name);
+    if (loop.begin != stage) continue;
+    const auto woven = std::ranges::find(graph.loops, loop.pass, &GraphLoop::pass);
+    std::string overrides;
+    std::string gathers;
+    for (const auto& [from, to] : woven->overrides)
+      overrides += fmt::format("{}'{}' for '{}'", overrides.empty() ? "" : ", ", graph.resources[to].name,
+                               graph.resources[from].name);
+    for (const ResourceIndex gathered : woven->gathers)
+      gathers += fmt::format("{}'{}'", gathers.empty() ? "" : ", ", graph.resources[gathered].name);
+    text += fmt::format("       loop of '{}', stages {} to {}: gives {}, gathers {}\n", name, loop.begin + 1, loop.end,
+                        overrides, gathers);
+  }
+  return text;
 }
 
 std::vector<bool> used_resources(const ResolvedGraph& graph, const Order& order) {
@@ -254,6 +276,7 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
   text += "\norder, with the barriers before each stage\n";
   for (std::uint32_t s = 0; s < order.stages.size(); ++s) {
     const ScheduledStage& scheduled = order.stages[s];
+    text += loop_text(graph, order, s);
     text += fmt::format("  {:>3}  {} {}{}\n", s + 1, scheduled.kind == StageKind::kGpu ? "gpu" : "cpu",
                         stage_text(graph, scheduled), waiting_text(graph, scheduled));
     rows.clear();
@@ -267,7 +290,11 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
     if (s < barriers.before.size())
       for (const Barrier& barrier : barriers.before[s])
         text += fmt::format("          barrier {}\n", barrier_text(graph, barrier));
+    if (s < barriers.again.size())
+      for (const Barrier& barrier : barriers.again[s])
+        text += fmt::format("          again   {}\n", barrier_text(graph, barrier));
   }
+  text += loop_text(graph, order, static_cast<std::uint32_t>(order.stages.size()));
   for (const Barrier& barrier : barriers.at_end)
     text += fmt::format("  end  barrier {}\n", barrier_text(graph, barrier));
 
@@ -281,6 +308,7 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
 
   std::size_t barrier_count = barriers.at_end.size();
   for (const auto& list : barriers.before) barrier_count += list.size();
+  for (const auto& list : barriers.again) barrier_count += list.size();
   text += fmt::format("\nmemory of transient images and buffers: {} shared, {} without sharing\n",
                       bytes_text(placement.heap_size), bytes_text(placement.unaliased_size));
   text += fmt::format("{} stages, {} barriers\n", order.stages.size(), barrier_count);
@@ -354,8 +382,15 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
     entry["barriers"] = Json::array();
     if (s < barriers.before.size())
       for (const Barrier& barrier : barriers.before[s]) entry["barriers"].push_back(barrier_json(graph, barrier));
+    if (s < barriers.again.size() && !barriers.again[s].empty()) {
+      entry["barriers_again"] = Json::array();
+      for (const Barrier& barrier : barriers.again[s]) entry["barriers_again"].push_back(barrier_json(graph, barrier));
+    }
     json["stages"].push_back(std::move(entry));
   }
+  json["loops"] = Json::array();
+  for (const ScheduledLoop& loop : order.loops)
+    json["loops"].push_back({{"pass", graph.passes[loop.pass].name}, {"begin", loop.begin}, {"end", loop.end}});
   json["barriers_at_end"] = Json::array();
   for (const Barrier& barrier : barriers.at_end) json["barriers_at_end"].push_back(barrier_json(graph, barrier));
 

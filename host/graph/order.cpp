@@ -17,7 +17,8 @@ struct Node {
   ScheduledStage scheduled;
   std::vector<ScheduledStage::Use> from_functions;  // the part of the uses that functions of providers add
   std::vector<PassIndex> providers;
-  bool is_early = false;  // a cpu stage that touches no image or buffer
+  bool is_early = false;          // a cpu stage that touches no image or buffer
+  std::uint32_t loop = kNoIndex;  // index into ResolvedGraph::loops: runs in each of its iterations
 };
 
 struct Edge {
@@ -46,17 +47,37 @@ class Scheduler {
       for (const NodeIndex b : before) followers[b].push_back(n);
       if (before.empty()) ready.insert(key(n));
     }
+    find_bodies(followers);
+    // A loop's stages follow each other without a gap: everything else that can come before them does.
+    std::uint32_t loop = kNoIndex;
+    const auto next = [&] {
+      for (const std::uint32_t wanted : {loop, kNoIndex})
+        for (auto it = ready.begin(); it != ready.end(); ++it)
+          if (nodes_[it->second].loop == wanted) return it;
+      return ready.begin();
+    };
     Order order;
     while (!ready.empty()) {
-      const NodeIndex n = ready.begin()->second;
-      ready.erase(ready.begin());
+      const auto chosen = next();
+      const NodeIndex n = chosen->second;
+      ready.erase(chosen);
+      if (nodes_[n].loop != loop) {
+        if (loop != kNoIndex) order.loops.back().end = static_cast<std::uint32_t>(order.stages.size());
+        loop = nodes_[n].loop;
+        if (loop != kNoIndex)
+          order.loops.push_back({graph_.loops[loop].pass, static_cast<std::uint32_t>(order.stages.size()), 0});
+      }
       order.stages.push_back(nodes_[n].scheduled);
       done_.insert(n);
       for (const NodeIndex follower : followers[n])
         if (--waits[follower] == 0) ready.insert(key(follower));
     }
     if (order.stages.size() != nodes_.size()) throw_cycle();
+    if (order.loops.size() != graph_.loops.size())
+      throw Error(HEDDLE_BUG, "the stages of a loop could not be brought together");
+    if (loop != kNoIndex) order.loops.back().end = static_cast<std::uint32_t>(order.stages.size());
     mark_splits(order);
+    check_loops(order);
     return order;
   }
 
@@ -85,8 +106,8 @@ class Scheduler {
         nodes_.push_back(std::move(node));
       }
     }
-    // Copies for stages with latency stand apart from their passes, and come after everything that has no reason to wait
-    // for them.
+    // Copies for stages with latency stand apart from their passes, and come after everything that has no reason to
+    // wait for them.
     for (NodeIndex n = 0, count = static_cast<NodeIndex>(nodes_.size()); n < count; ++n) {
       Node copies;
       copies.scheduled = nodes_[n].scheduled;
@@ -150,12 +171,101 @@ class Scheduler {
     }
   }
 
+  /// Nodes of each loop: its own stages of an iteration, and what lies on a way from the first to the last of them.
+  void find_bodies(const std::vector<std::vector<NodeIndex>>& followers) {
+    for (std::uint32_t l = 0; l < graph_.loops.size(); ++l) {
+      std::vector<NodeIndex> own;
+      const Technique& technique = *graph_.passes[graph_.loops[l].pass].entry.technique;
+      for (const NodeIndex n : nodes_of_[graph_.loops[l].pass])
+        if (technique.stages[nodes_[n].scheduled.stage].loop_part != HEDDLE_LOOP_OUTSIDE) own.push_back(n);
+      const auto reach = [&](const auto& neighbours) {
+        std::set<NodeIndex> found;
+        std::vector<NodeIndex> open = own;
+        while (!open.empty()) {
+          const NodeIndex n = open.back();
+          open.pop_back();
+          neighbours(n, [&](NodeIndex other) {
+            if (found.insert(other).second) open.push_back(other);
+          });
+        }
+        return found;
+      };
+      const std::set<NodeIndex> below = reach([&](NodeIndex n, const auto& visit) {
+        for (const NodeIndex follower : followers[n]) visit(follower);
+      });
+      const std::set<NodeIndex> above = reach([&](NodeIndex n, const auto& visit) {
+        for (const Edge& edge : edges_[n]) visit(edge.from);
+      });
+      for (const NodeIndex n : own) nodes_[n].loop = l;
+      for (const NodeIndex n : below) {
+        if (!above.contains(n)) continue;
+        Node& node = nodes_[n];
+        node.loop = l;
+        const Stage& stage = graph_.passes[node.scheduled.pass].entry.technique->stages[node.scheduled.stage];
+        node.scheduled.runs_once = stage.latency > 0;
+      }
+    }
+  }
+
+  /// What an iteration would do a second time to the same memory.
+  void check_loops(const Order& order) const {
+    for (const ScheduledLoop& loop : order.loops) {
+      std::set<ResourceIndex> seen;
+      for (std::uint32_t s = loop.begin; s < loop.end; ++s) {
+        const ScheduledStage& scheduled = order.stages[s];
+        if (scheduled.pass == loop.pass) continue;
+        for (const auto& use : scheduled.uses) {
+          if (!has_memory(graph_.resources[use.resource].type)) continue;
+          const ResourceIndex first = first_version(graph_, use.resource);
+          const bool is_first = seen.insert(first).second;
+          if (use.writes && is_written(order, first, 0, loop.begin)) {
+            refuse_in_loop(loop, scheduled, use.resource, "changes", ", which is made before the loop",
+                           "what an iteration changes is made in it");
+          }
+          const bool is_own = is_kept(graph_, first) && is_written(order, first, loop.begin, loop.end);
+          if (is_first && use.reads && is_own) {
+            refuse_in_loop(loop, scheduled, use.resource, "keeps its state in", " in place",
+                           "what lasts is read by @previous, which stands still in a loop");
+          }
+        }
+      }
+    }
+  }
+
+  [[nodiscard]] bool is_written(const Order& order, ResourceIndex first, std::uint32_t begin, std::uint32_t end) const {
+    for (std::uint32_t s = begin; s < end; ++s)
+      for (const auto& use : order.stages[s].uses)
+        if (use.writes && first_version(graph_, use.resource) == first) return true;
+    return false;
+  }
+
+  [[noreturn]] void refuse_in_loop(const ScheduledLoop& loop, const ScheduledStage& scheduled, ResourceIndex resource,
+                                   std::string_view does, std::string_view how, std::string_view expected) const {
+    throw Error(
+        HEDDLE_UNSUPPORTED,
+        Diagnostic{Severity::kError,
+                   graph_.passes[scheduled.pass].where,
+                   fmt::format("pass '{}' {} '{}'{}, and the loop of pass '{}' would do so in each iteration",
+                               name(scheduled.pass), does, graph_.resources[resource].name, how, name(loop.pass)),
+                   {},
+                   std::string(expected),
+                   fmt::format("put pass '{0}' behind '{1}', or give '{1}' technique = \"none\"", name(scheduled.pass),
+                               name(loop.pass))});
+  }
+
   /// What a stage's pass needs beyond the stage's own uses.
   template <typename Read>
   void connect_ports(NodeIndex n, const Read& read) {
     const Node& node = nodes_[n];
     const PassIndex pass = node.scheduled.pass;
-    for (const auto& [port, resource] : graph_.passes[pass].inout_sources) read(resource);
+    const Technique& technique = *graph_.passes[pass].entry.technique;
+    const auto touches = [&](const std::string& port) {
+      const auto& accesses = technique.stages[node.scheduled.stage].accesses;
+      return std::ranges::find(accesses, port, &Access::port) != accesses.end();
+    };
+    // The stages of a loop wait for what they touch only: those before the body do not wait for what it makes.
+    for (const auto& [port, resource] : graph_.passes[pass].inout_sources)
+      if (!technique.loop || touches(port)) read(resource);
     // A value may be asked for without a declared access: it must be there.
     for (const auto& [port, resource] : graph_.passes[pass].ports)
       if (!has_memory(graph_.resources[resource].type)) read(resource);

@@ -75,6 +75,7 @@ class Rules {
     for (const Stage& stage : technique_.stages) check_stage(stage);
     for (const Shader& shader : technique_.shaders) check_shader(shader);
     for (const Function& function : technique_.functions) check_function(function);
+    check_loop();
     check_outputs();
     return std::move(broken_);
   }
@@ -115,8 +116,7 @@ class Rules {
   void check_port(const Port& port) {
     check_name("port", port.name, port_names_);
     const std::string what = fmt::format("port '{}'", port.name);
-    check_flags(what, port.flags,
-                HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE | HEDDLE_PORT_REWRITTEN);
+    check_flags(what, port.flags, HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE | HEDDLE_PORT_REWRITTEN);
     bool is_known = check_choice(what, "type", static_cast<std::uint32_t>(port.type), HEDDLE_PORT_SURFACES);
     is_known = check_choice(what, "direction", static_cast<std::uint32_t>(port.direction), HEDDLE_INOUT) && is_known;
     is_known = check_choice(what, "extent_rule", port.extent_rule, HEDDLE_EXTENT_ABSOLUTE) && is_known;
@@ -330,6 +330,65 @@ class Rules {
       }
     }
     check_calls(what, function.calls);
+  }
+
+  // Overridden values go out before the body, gathered inputs come in after it.
+  void check_loop() {
+    std::uint32_t last_part = HEDDLE_LOOP_OUTSIDE;
+    std::array<std::uint32_t, HEDDLE_LOOP_AFTER + 1> counts{};
+    for (const Stage& stage : technique_.stages) {
+      const std::string what = fmt::format("stage '{}'", stage.name);
+      if (!check_choice(what, "loop_part", stage.loop_part, HEDDLE_LOOP_AFTER)) return;
+      ++counts[stage.loop_part];
+      if (stage.loop_part == HEDDLE_LOOP_OUTSIDE) {
+        if (last_part == HEDDLE_LOOP_BEFORE) complain(what + " stands between the parts of an iteration");
+        continue;
+      }
+      if (!technique_.loop) complain(what + " is part of a loop, and the technique has none");
+      if (stage.loop_part < last_part) complain(what + " stands behind the stages that gather");
+      last_part = stage.loop_part;
+    }
+    if (!technique_.loop) return;
+    const Loop& loop = *technique_.loop;
+    if (loop.overrides.empty() || loop.gathers.empty() || counts[HEDDLE_LOOP_BEFORE] == 0 ||
+        counts[HEDDLE_LOOP_AFTER] == 0) {
+      complain("its loop overrides or gathers nothing", {},
+               "an override set by a stage HEDDLE_LOOP_BEFORE, and a gathered input of a stage HEDDLE_LOOP_AFTER");
+    }
+    for (const Loop::Override& one : loop.overrides) {
+      const Port* input = technique_.find_port(one.input);
+      const Port* output = technique_.find_port(one.output);
+      if (input == nullptr || output == nullptr || input->type != PortType::kValue ||
+          output->type != PortType::kValue || input->direction != Direction::kIn ||
+          output->direction != Direction::kOut || !is_touched(one.output, HEDDLE_LOOP_BEFORE)) {
+        complain(fmt::format("its loop cannot override '{}' by '{}'", one.input, one.output), {},
+                 "two values: an input, and an output that a stage HEDDLE_LOOP_BEFORE sets");
+      }
+    }
+    for (const std::string& name : loop.gathers) {
+      const Port* port = technique_.find_port(name);
+      const bool has_memory = port != nullptr && (port->type == PortType::kImage || port->type == PortType::kBuffer);
+      if (!has_memory || port->direction == Direction::kOut || !is_touched(name, HEDDLE_LOOP_AFTER)) {
+        complain(fmt::format("its loop cannot gather '{}'", name), {},
+                 "an image or buffer that goes in, and that a stage HEDDLE_LOOP_AFTER reads");
+      }
+    }
+    for (const Stage& stage : technique_.stages) {
+      if (stage.loop_part != HEDDLE_LOOP_AFTER) continue;
+      for (const Access& access : stage.accesses) {
+        const Port* port = technique_.find_port(access.port);
+        if (port != nullptr && is_write(access.access) && port->direction == Direction::kOut && !port->is_kept()) {
+          complain(fmt::format("stage '{}' gathers into '{}', which is not HEDDLE_PORT_KEPT", stage.name, access.port));
+        }
+      }
+    }
+  }
+
+  [[nodiscard]] bool is_touched(std::string_view port, std::uint32_t loop_part) const {
+    return std::any_of(technique_.stages.begin(), technique_.stages.end(), [&](const Stage& stage) {
+      return stage.loop_part == loop_part && std::any_of(stage.accesses.begin(), stage.accesses.end(),
+                                                         [&](const Access& access) { return access.port == port; });
+    });
   }
 
   // What nobody writes would be handed on as garbage.

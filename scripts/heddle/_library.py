@@ -10,6 +10,7 @@ NONE = 0xFFFFFFFF
 TEXTURE_COUNT = 5
 HOST_VALIDATION = 1
 RENDER_PROFILE = 1
+RENDER_ANEW = 2
 
 LogFunction = ctypes.CFUNCTYPE(None, c_void_p, c_uint32, c_char_p)
 

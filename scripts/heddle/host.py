@@ -337,10 +337,12 @@ class Graph(_Object):
         self._check(_heddle.heddle_graph_set(self._handle, setting.encode()))
 
     def render(self, scene: Scene, time: float = 0.0, time_step: float = 0.0, seed: int = 0, cut: bool = False,
-               profile: bool = False) -> None:
-        """Renders one frame and waits for it. time in seconds. profile: stage by stage, timed one by one."""
-        options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), c.RENDER_PROFILE if profile else 0, time, time_step,
-                                  seed, int(cut), 0)
+               profile: bool = False, anew: bool = False) -> None:
+        """Renders one frame and waits for it. time in seconds. profile: stage by stage, timed one by one.
+
+        A graph whose loops are complete (supersampling) submits nothing while nothing changes; anew: it does."""
+        flags = (c.RENDER_PROFILE if profile else 0) | (c.RENDER_ANEW if anew else 0)
+        options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), flags, time, time_step, seed, int(cut), 0)
         self._check(_heddle.heddle_render(self._handle, scene._handle, ctypes.byref(options)))
 
     def read(self, port: str | None = None, layer: int = 0, mip: int = 0) -> NDArray[np.float32]:

@@ -99,9 +99,13 @@ void SyntheticGraph::gpu(PassIndex pass, const std::string& name, std::vector<Ac
   technique(pass).shaders.push_back(shader);
 }
 
-void SyntheticGraph::cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses,
-                         std::uint32_t latency) {
+void SyntheticGraph::cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses, std::uint32_t latency) {
   technique(pass).stages.push_back({name, StageKind::kCpu, std::move(accesses), latency});
+}
+
+void SyntheticGraph::loop(PassIndex pass, const std::string& input, const std::string& output,
+                          const std::string& gathered) {
+  technique(pass).loop = Loop{{{input, output}}, {gathered}};
 }
 
 void SyntheticGraph::provide(PassIndex pass, const std::string& role, std::vector<Access> accesses,

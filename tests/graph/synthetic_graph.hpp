@@ -31,6 +31,11 @@ class SyntheticGraph {
   void delay(PassIndex pass, std::uint32_t stage, std::uint32_t latency) {
     technique(pass).stages[stage].latency = latency;
   }
+  /// Makes the pass a loop; its stages are given their parts by `part`.
+  void loop(PassIndex pass, const std::string& input, const std::string& output, const std::string& gathered);
+  void part(PassIndex pass, std::uint32_t stage, std::uint32_t loop_part) {
+    technique(pass).stages[stage].loop_part = loop_part;
+  }
   void provide(PassIndex pass, const std::string& role, std::vector<Access> accesses,
                std::vector<std::string> calls = {});
   void bind(PassIndex caller, const std::string& role, std::vector<PassIndex> providers);
