@@ -1,0 +1,67 @@
+// SPDX-License-Identifier: Apache-2.0
+// Occlusion of two sets, perhaps of fewer pixels -> visibility of every pixel.
+// Source  Filion and McNaughton 2008, "Effects & Techniques": the darker of the sets; Kopf, Cohen, Lischinski and
+//         Uyttendaele 2007, "Joint Bilateral Upsampling"; README equations (8) and (9)
+// in      depth, normal_geometric  of the pixels
+//         noisy                    layer push.source; x, y occlusion of the sets
+// out     visibility               r16   1 open, 0 closed; 1 where there is no surface
+// loops   2 x 2
+#include "pass.glsl"
+#include "octahedral.glsl"
+#include "view.glsl"
+#include "ssao.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant) uniform Push { int source; } push;
+
+vec3 normal_view(ivec2 full) { return mat3(camera.view_from_rel) * decode_octahedral(fetch_normal_geometric(full).xy); }
+
+// The four pixels of the reduced image around this one, by distance and by whether they lie on its surface; if none
+// does, the nearest one.
+vec2 upsampled(ivec2 pixel, float depth) {
+  vec3 position = position_view_from_depth(camera, pixel_center(pixel), depth);
+  vec3 n = normal_view(pixel);
+  float divisor = float(constant_evaluate_divisor);
+  float tolerance = pixel_size_at_depth(camera, depth) * divisor;
+  vec2 place = (vec2(pixel - constant_evaluate_divisor / 2)) / divisor;
+  ivec2 first = ivec2(floor(place));
+  vec2 nearest = vec2(0.0);
+  float nearest_weight = -1.0;
+  vec2 sum = vec2(0.0);
+  float weights = 0.0;
+  for (int y = 0; y < 2; ++y) {
+    for (int x = 0; x < 2; ++x) {
+      ivec2 reduced = first + ivec2(x, y);
+      vec2 tent = max(vec2(0.0), 1.0 - abs(place - vec2(reduced)));
+      reduced = clamp(reduced, ivec2(0), size_noisy() - 1);
+      vec2 value = fetch_noisy(reduced, push.source).xy;
+      ivec2 full = representative(reduced, constant_evaluate_divisor, size_depth());
+      float full_depth = fetch_depth(full).x;
+      float weight = tent.x * tent.y;
+      if (!is_background(full_depth)) {
+        // Smooth, unlike (7): a hard edge would show as a step of the reduced pixels.
+        vec3 offset = position_view_from_depth(camera, pixel_center(full), full_depth) - position;
+        float on_plane = max(0.0, 1.0 - abs(dot(offset, n)) / tolerance);
+        float facing = max(0.0, dot(n, normal_view(full)));
+        sum += weight * on_plane * facing * facing * value;
+        weights += weight * on_plane * facing * facing;
+        if (weight > nearest_weight) nearest = value;
+        nearest_weight = max(nearest_weight, weight);
+      }
+    }
+  }
+  return weights > 1e-4 ? sum / weights : nearest;
+}
+
+void main() {
+  ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+  if (any(greaterThanEqual(pixel, size_visibility()))) return;
+  float depth = fetch_depth(pixel).x;
+  if (is_background(depth)) {
+    imageStore(visibility, pixel, vec4(1.0));
+    return;
+  }
+  vec2 both = constant_evaluate_divisor > 1 ? upsampled(pixel, depth) : fetch_noisy(pixel, push.source).xy;
+  float open = clamp(1.0 - max(both.x, both.y), 0.0, 1.0);
+  imageStore(visibility, pixel, vec4(open > 0.0 ? pow(open, params.contrast) : 0.0));
+}
