@@ -144,8 +144,8 @@ void Executor::State::scan_outputs(std::uint32_t index) {
 void Executor::State::throw_what_the_check_found() {
   if (device->recorder() == nullptr) return;
   std::vector<Diagnostic> found = device->take_hazards();
-  // Where nobody looks, poisoned memory may stay what it was.
-  for (const Scan& scan : variant.poison ? std::span<const Scan>() : std::span<const Scan>(scans)) {
+  // Where nobody looks, poisoned memory may stay what it was; zeros are no poison.
+  for (const Scan& scan : variant.poison.value_or(0) != 0 ? std::span<const Scan>() : std::span<const Scan>(scans)) {
     const Resource& resource = graph.resources[scan.resource];
     const Pass& pass = graph.passes[scan.pass];
     const vulkan::ImageShape& shape = root(scan.resource).image.shape();
