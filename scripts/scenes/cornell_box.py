@@ -5,6 +5,9 @@ For closed forms: every surface is diffuse and without textures, the room is a c
 rectangle light of known radiance just under the ceiling. Its power is pi * RADIANCE * area; the light that reaches a
 point straight below at distance d is the form factor of a rectangle (lamp_irradiance). Reflectances after Goral et al.
 1984, "Modeling the Interaction of Light Between Diffuse Surfaces", rounded.
+
+The lamp is 60 cd/m^2, so a graph with a sky shows nothing but white through the open front. Look at it with:
+heddle run scripts/scenes/cornell_box.py --set sky.technique=none --set params.exposure=0
 """
 
 import numpy as np
