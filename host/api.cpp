@@ -279,14 +279,9 @@ bool set_parameters_in_place(heddle_graph& graph, const heddle::graph::ResolvedG
   for (std::size_t i = 0; i < resolved.passes.size(); ++i) {
     const auto& a = present.passes[i];
     const auto& b = resolved.passes[i];
-    if (a.name != b.name || a.entry.technique != b.entry.technique || a.serves != b.serves ||
+    if (a.name != b.name || a.entry.technique != b.entry.technique || a.serves != b.serves || a.ports != b.ports ||
         a.inout_sources != b.inout_sources || a.dependencies != b.dependencies) {
       return false;
-    }
-    // Pruning takes ports away from the present graph; only what it still has can have changed its source.
-    for (const auto& [port, resource] : a.ports) {
-      const auto other = b.ports.find(port);
-      if (other == b.ports.end() || other->second != resource) return false;
     }
     if (a.functions.size() != b.functions.size()) return false;
     for (std::size_t f = 0; f < a.functions.size(); ++f) {
@@ -762,6 +757,7 @@ heddle::graph::FrameOptions frame_options(const heddle_render_options* options) 
   }
   heddle::graph::FrameOptions frame;
   frame.profile = (chosen.flags & HEDDLE_RENDER_PROFILE) != 0;
+  frame.anew = frame.profile || (chosen.flags & HEDDLE_RENDER_ANEW) != 0;
   frame.cut = chosen.cut != 0;
   frame.time = chosen.time;
   frame.time_step = chosen.time_step;
@@ -815,11 +811,16 @@ heddle_status heddle_read(heddle_graph* graph, const char* port, uint32_t layer,
 heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
   return guarded(graph->host->error, [&] {
     const heddle::graph::FrameStats& stats = graph->executor->stats();
-    Json json{{"frames", stats.frame}, {"wall_ms", stats.wall_ms}, {"submit_ms", stats.submit_ms}};
+    Json json{
+        {"frames", stats.frame}, {"wall_ms", stats.wall_ms}, {"submit_ms", stats.submit_ms}, {"stalls", stats.stalls}};
     json["stages"] = Json::array();
     for (const auto& stage : stats.stages) {
       json["stages"].push_back(
           {{"pass", stage.pass}, {"stage", stage.stage}, {"wall_ms", stage.wall_ms}, {"cpu_ms", stage.cpu_ms}});
+    }
+    json["loops"] = Json::array();
+    for (const auto& loop : stats.loops) {
+      json["loops"].push_back({{"pass", loop.pass}, {"done", loop.done}, {"total", loop.total}});
     }
     json["counters"] = counters_json(stats.before, stats.after);
     json["memory"] = {{"transient_bytes", stats.heap_bytes},

@@ -211,6 +211,7 @@ HEDDLE_EXPORT heddle_status heddle_graph_keep(heddle_graph* graph, const char* p
 HEDDLE_EXPORT heddle_status heddle_graph_set(heddle_graph* graph, const char* setting);
 
 #define HEDDLE_RENDER_PROFILE 1u /* submit and wait pass by pass, and time each: slower, for looking */
+#define HEDDLE_RENDER_ANEW 2u    /* render even what is complete and unchanged: for measuring. PROFILE does so too */
 typedef struct heddle_render_options {
   uint32_t struct_size;
   uint32_t flags; /* HEDDLE_RENDER_* */
@@ -222,11 +223,13 @@ typedef struct heddle_render_options {
 
 /* Renders one frame and waits for it; what moved since the last frame has then arrived. The scene is posed at the
  * options' time first; options may be NULL: no options, and the scene as it is posed. After a cut, and in
- * a graph's first frame, nothing has moved. [main-thread] */
+ * a graph's first frame, nothing has moved. A graph with loops, such as progressive supersampling, that are complete
+ * submits nothing while nothing changes. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene,
                                           const heddle_render_options* options);
 /* Renders `frames` frames from the first on, again and again: in every order of stages that declared accesses allow (each
  * pair that nothing puts in order is seen both ways), and with all memory that nobody wrote filled with two patterns.
+ * Loops begin anew in every other frame, and go on, where they do, in those between.
  * Bytes of the output and of kept ports must agree; what differs depends on something undeclared and is HEDDLE_BUG, as
  * is everything that HEDDLE_HOST_CHECK finds, which the host must have. Says as JSON what was done: {"frames", "runs",
  * "orders", "unordered_pairs", "seen_both_ways", "poisons", "compared"}. [main-thread] */

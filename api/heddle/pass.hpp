@@ -43,6 +43,7 @@
 //   heddle_status record(const Frame&)            gpu stages; Frame::stage() is the index in kStages
 //   heddle_status execute(const Frame&)           cpu stages
 //   std::uint32_t activity(const Frame&)          HEDDLE_RUN, HEDDLE_KEEP, HEDDLE_NOTHING
+//   heddle_status iterations(const heddle_frame_info&, heddle_iterations&)     loops
 // An exception that leaves one of them becomes a report and HEDDLE_FAILED. `host` may be kept: it lives as long as the
 // object. Setters of plugin.h's structures that have no builder are plain fields: change them on the builder's result.
 #pragma once
@@ -129,6 +130,12 @@ constexpr heddle_port value_out(const char* name, std::uint64_t byte_size, const
 }
 constexpr heddle_port surfaces_in(const char* name, const char* help, std::uint32_t flags = 0) {
   return port(name, HEDDLE_PORT_SURFACES, HEDDLE_IN, help, flags);
+}
+
+/// An input that reads last frame's version of the kept output `output` of the same technique.
+constexpr heddle_port previous_of(const char* output, heddle_port p) {
+  p.previous_of = output;
+  return p;
 }
 
 /// A float parameter; equal bounds: unbounded.
@@ -262,6 +269,35 @@ constexpr heddle_stage gpu_stage(const char* name, const heddle_access (&accesse
 template <std::size_t kCount>
 constexpr heddle_stage cpu_stage(const char* name, const heddle_access (&accesses)[kCount]) {
   return stage(name, HEDDLE_STAGE_CPU, accesses);
+}
+
+/// A cpu stage that reads what the GPU made `latency` frames ago, and waits for nothing.
+constexpr heddle_stage late(std::uint32_t latency, heddle_stage s) {
+  s.latency = latency;
+  return s;
+}
+
+/// A stage of a loop: HEDDLE_LOOP_BEFORE or HEDDLE_LOOP_AFTER.
+constexpr heddle_stage in_loop(std::uint32_t part, heddle_stage s) {
+  s.loop_part = part;
+  return s;
+}
+/// Passes of a loop's body read the value `output` in place of what the input `input` is bound to.
+constexpr heddle_override override_of(const char* input, const char* output) {
+  heddle_override o{};
+  o.struct_size = sizeof(heddle_override);
+  o.input = input;
+  o.output = output;
+  return o;
+}
+/// gathers: ports, separated by spaces.
+template <std::size_t kCount>
+constexpr heddle_loop loop(const heddle_override (&overrides)[kCount], const char* gathers) {
+  heddle_loop l{};
+  l.struct_size = sizeof(heddle_loop);
+  l.overrides = list(overrides, l.override_count);
+  l.gathers = gathers;
+  return l;
 }
 
 /// calls: roles whose functions the shader calls, separated by spaces, or NULL.
@@ -526,6 +562,10 @@ struct Thunks {
     }));
     return answer;
   }
+  static heddle_status iterations(heddle_pass* pass, const heddle_pass_host* host, const heddle_frame_info* info,
+                                  heddle_iterations* out) {
+    return guarded(host, [&] { return self(pass).iterations(*info, *out); });
+  }
 };
 
 }  // namespace detail
@@ -549,6 +589,10 @@ constexpr heddle_technique technique(const char* id, const char* title, const ch
   if constexpr (requires(Pass pass, const Frame& frame) { pass.record(frame); }) t.record = &Thunks::record;
   if constexpr (requires(Pass pass, const Frame& frame) { pass.execute(frame); }) t.execute = &Thunks::execute;
   if constexpr (requires(Pass pass, const Frame& frame) { pass.activity(frame); }) t.activity = &Thunks::activity;
+  if constexpr (requires(Pass pass, const heddle_frame_info& info, heddle_iterations& out) {
+                  pass.iterations(info, out);
+                })
+    t.iterations = &Thunks::iterations;
   return t;
 }
 

@@ -36,6 +36,9 @@ typedef struct heddle_frame heddle_frame;       /* the host's; valid during one 
 #define HEDDLE_PORT_OPTIONAL 1u /* in: unbound is legal; shaders then see the role's neutral value through fetch_NAME */
 #define HEDDLE_PORT_KEPT 2u     /* out: keeps its contents between frames, never aliased */
 #define HEDDLE_PORT_CUBE 4u     /* image: layers come in sixes, also sampled as cubes */
+/* out, kept: every frame in which its stages run writes all of it. Keeping its history then costs a second memory, which
+ * takes turns with the first, and no copy. */
+#define HEDDLE_PORT_REWRITTEN 8u
 
 /* Extent of an out image. */
 #define HEDDLE_EXTENT_FRAME 0u    /* the graph's extent times extent_scale, rounded up */
@@ -56,6 +59,10 @@ typedef struct heddle_port {
   const char* glsl;       /* buffer, value: members of the block as shaders see them, e.g. "HeddleLight lights[];"; NULL:
                              what the role's contract says. Types of records.h are in scope */
   const char* help;       /* one line: meaning, unit, range */
+  /* in: unless the graph binds it, last frame's version of this output of the same technique, which is kept. What any
+     input reads of the past is neutral (buffers: zero bytes; values: empty, zeros in shaders) in the first frame and
+     after a cut. NULL: nothing */
+  const char* previous_of;
 } heddle_port;
 
 /* ---- Parameters --------------------------------------------------------------------------------------------------- */
@@ -141,7 +148,45 @@ typedef struct heddle_stage {
   uint32_t kind; /* HEDDLE_STAGE_* */
   uint32_t access_count;
   const heddle_access* accesses;
+  /* cpu: images and buffers that it declares as HOST_READ are what they were this many frames ago, when its commands are
+   * long done: nothing waits, and no cycle is closed. Frame n is seen in frame n + latency exactly; heddle_mapped says
+   * which one it is. Values and surfaces are this frame's. 0: all is this frame's, and the GPU is waited for */
+  uint32_t latency;
+  uint32_t loop_part; /* HEDDLE_LOOP_*; only techniques with a heddle_loop */
 } heddle_stage;
+#define HEDDLE_MOST_LATENCY 16u
+#define HEDDLE_LOOP_OUTSIDE 0u /* once a frame: before the iterations if it stands before their stages, else after */
+#define HEDDLE_LOOP_BEFORE 1u  /* in each iteration, before the body: sets what is overridden */
+#define HEDDLE_LOOP_AFTER 2u   /* in each iteration, after the body: gathers. Its outputs are HEDDLE_PORT_KEPT */
+
+/* ---- Loops ---------------------------------------------------------------------------------------------------------
+ * A technique that repeats other passes: for samples of a camera, layers, views, objects. Its body is found by the host:
+ * every pass between the values that it overrides and the inputs that it gathers, and nothing else. In each iteration
+ * its BEFORE stages set the overriding values, the body runs, its AFTER stages gather. Each iteration is a submission of
+ * its own, so a value may differ from one to the next.
+ * In the body, what a pass keeps in place from one iteration to the next is refused; histories stand still; stages with
+ * latency run in the first iteration only. A loop within a loop is refused. */
+typedef struct heddle_override {
+  uint32_t struct_size;
+  uint32_t reserved;
+  const char* input;  /* in, value: passes of the body that are bound to the same one ... */
+  const char* output; /* out, value: ... read this one instead */
+} heddle_override;
+
+typedef struct heddle_loop {
+  uint32_t struct_size;
+  uint32_t override_count;
+  const heddle_override* overrides;
+  const char* gathers; /* in or inout, images or buffers, separated by spaces: what the body makes for the AFTER stages */
+} heddle_loop;
+
+/* The iterations of one frame: `first` to first + count - 1 of `total`. A loop may do all in a frame, or go on in the
+ * frames that follow while heddle_frame_info says is_still. Where the loops of a graph answer 0 in a still frame, there
+ * is nothing to do, and the host submits nothing. */
+typedef struct heddle_iterations {
+  uint32_t struct_size;
+  uint32_t first, count, total;
+} heddle_iterations;
 
 /* A function of a role, provided as text. The text may use the ports listed (declared for it under their names), the
  * technique's parameters as `params.NAME`, the includes of plugins/shared and functions of roles in `calls`. File-scope
@@ -177,6 +222,10 @@ typedef struct heddle_frame_info {
   double time, time_step; /* seconds of scene time */
   uint64_t seed;
   double origin[3]; /* the frame's origin in the scene, metres: the main camera's position */
+  double previous_origin[3]; /* last frame's, to which its positions are relative; after a cut: this frame's */
+  uint32_t is_still; /* 1: scene, camera, lights, time, seed and all parameters are last frame's, and it was no cut */
+  uint32_t iteration, iteration_count; /* of the loop in whose body the stage runs; count 0: in none */
+  uint32_t reserved;
 } heddle_frame_info;
 
 /* Memory of a port during execute (cpu stages). Rows are tightly packed, layer by layer, mip 0 only. */
@@ -185,7 +234,10 @@ typedef struct heddle_mapped {
   void* data; /* readable and/or writable as the stage declared; valid until execute returns */
   heddle_shape shape;
   uint64_t row_bytes;
+  uint64_t frame; /* index of the frame that made the contents; HEDDLE_NO_FRAME: a stage with latency, too early after the
+                     first frame or a cut: all bytes are 0 */
 } heddle_mapped;
+#define HEDDLE_NO_FRAME 0xffffffffffffffffull
 
 /* The triangles of a surfaces port in host memory, one list, object transforms applied in float64. Owned by the host,
  * valid until the pass's execute returns; the same `revision` means the same bytes as last time. */
@@ -344,6 +396,11 @@ typedef struct heddle_technique {
    * [record-thread] */
   uint32_t (*activity)(heddle_pass* pass, const heddle_pass_host* host, uint32_t stage, heddle_frame* frame,
                        const heddle_frame_info* info);
+  const heddle_loop* loop; /* NULL: repeats nothing */
+  /* Techniques with a loop: which iterations are due; fills *out, whose struct_size the host has set. Once before each
+   * frame; what it answers is done when the next one begins. [record-thread] */
+  heddle_status (*iterations)(heddle_pass* pass, const heddle_pass_host* host, const heddle_frame_info* info,
+                              heddle_iterations* out);
 } heddle_technique;
 #define HEDDLE_RUN 0u
 #define HEDDLE_KEEP 1u

@@ -77,6 +77,18 @@ Placement alias(const ResolvedGraph& graph, const Order& order, std::span<const 
     }
   }
 
+  // What the iterations of a loop find again lives through all of it: what is made before, and what is made only once.
+  for (const ScheduledLoop& loop : order.loops) {
+    for (std::uint32_t s = loop.begin; s < loop.end; ++s) {
+      for (const ScheduledStage::Use& use : order.stages[s].uses) {
+        Block& block = lifetimes[first_version(graph, use.resource)];
+        const bool is_made_once = order.stages[s].runs_once && use.writes;
+        if (is_made_once) block.first = std::min(block.first, loop.begin);
+        if (is_made_once || block.first < loop.begin) block.last = std::max(block.last, loop.end - 1);
+      }
+    }
+  }
+
   std::vector<Block> blocks;
   for (ResourceIndex r = 0; r < count; ++r) {
     Block block = lifetimes[r];

@@ -2,6 +2,7 @@
 // Order + uses -> the barriers of a frame that repeats: for every resource the uses fall into groups (one writer, or
 // readers that share a layout), and between consecutive groups stands exactly one barrier, round the frame's end too.
 #include <algorithm>
+#include <numeric>
 
 #include "graph/stages.hpp"
 #include "graph/uses.hpp"
@@ -44,6 +45,15 @@ VkPipelineStageFlags2 shader_stages(const ResolvedGraph& graph, const ScheduledS
   return stages;
 }
 
+/// How many beginnings and ends of loops a stage has behind it: uses of different numbers are no group, because what is
+/// between them happens another number of times.
+std::uint32_t loop_borders(const Order& order, std::uint32_t stage) {
+  std::uint32_t borders = 0;
+  for (const ScheduledLoop& loop : order.loops)
+    borders += (stage >= loop.begin ? 1U : 0U) + (stage >= loop.end ? 1U : 0U);
+  return borders;
+}
+
 bool continues(const AccessInfo& group, const AccessInfo& next) {
   return !group.writes && !next.writes && group.layout == next.layout;
 }
@@ -71,7 +81,8 @@ std::vector<std::vector<Group>> find_groups(const ResolvedGraph& graph, const Or
       AccessInfo info = use_info(use, resource.type, resource.format);
       if ((info.stages & kShaderStages) == kShaderStages) info.stages = (info.stages & ~kShaderStages) | shaders;
       std::vector<Group>& list = groups[use.resource];
-      if (!list.empty() && continues(list.back().info, info)) {
+      if (!list.empty() && continues(list.back().info, info) &&
+          loop_borders(order, list.back().stage) == loop_borders(order, s)) {
         widen(list.back().info, info);
       } else {
         list.push_back({s, info});
@@ -84,6 +95,44 @@ std::vector<std::vector<Group>> find_groups(const ResolvedGraph& graph, const Or
 Barrier make_barrier(ResourceIndex resource, const AccessInfo& from, const AccessInfo& to) {
   // Only writes need to be made available; reads are waited for by their stages alone.
   return {resource, from.stages, to.stages, from.access & kWrites, to.access, from.layout, to.layout};
+}
+
+/// True if readers follow readers that see all of what they need already.
+bool is_covered(const AccessInfo& before, const AccessInfo& after) {
+  return continues(before, after) && (after.stages & ~before.stages) == 0 && (after.access & ~before.access) == 0;
+}
+
+/// Barriers of the iterations after the first: each group follows the one before it, the first one the last.
+void plan_again(const Order& order, const Placement& placement, const std::vector<std::vector<Group>>& groups,
+                const std::vector<bool>& is_kept, BarrierPlan& plan) {
+  plan.again.resize(order.stages.size());
+  for (const ScheduledLoop& loop : order.loops) {
+    const auto is_inside = [&](const Group& group) { return group.stage >= loop.begin && group.stage < loop.end; };
+    for (ResourceIndex r = 0; r < groups.size(); ++r) {
+      std::vector<const Group*> repeated;
+      for (const Group& group : groups[r])
+        if (is_inside(group) && !order.stages[group.stage].runs_once) repeated.push_back(&group);
+      for (std::size_t g = 0; g < repeated.size(); ++g) {
+        const Group& group = *repeated[g];
+        AccessInfo before = repeated[g > 0 ? g - 1 : repeated.size() - 1]->info;
+        bool is_due = !is_covered(before, group.info);
+        if (g == 0 && &group == &groups[r].front() && !is_kept[r]) {
+          // Whoever has these bytes in the rest of an iteration destroys what the last one left.
+          for (const Placement::Handover& handover : placement.handovers) {
+            if (handover.to != r) continue;
+            for (const ResourceIndex other : handover.from) {
+              const auto last = std::find_if(groups[other].rbegin(), groups[other].rend(), is_inside);
+              if (last == groups[other].rend()) continue;
+              widen(before, last->info);
+              before.layout = VK_IMAGE_LAYOUT_UNDEFINED;
+              is_due = true;
+            }
+          }
+        }
+        if (is_due) plan.again[group.stage].push_back(make_barrier(r, before, group.info));
+      }
+    }
+  }
 }
 
 }  // namespace
@@ -189,18 +238,27 @@ BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const 
     }
   }
 
-  // Kept resources go round: the last group of a frame stands before the first one of the next. Readers that meet there
-  // in one layout are one group.
+  // Kept resources go round: the last group of a frame stands before the first one of the next; where a history is
+  // read, two memories take turns, and each meets what was done to the other. Readers that meet there in one layout are
+  // one group.
+  std::vector<ResourceIndex> last_frame(graph.resources.size());  // what the memory was in the frame before
+  std::iota(last_frame.begin(), last_frame.end(), ResourceIndex{0});
+  for (const HistoryPair& pair : history_pairs(graph, order)) {
+    last_frame[pair.newest] = pair.history;
+    last_frame[pair.history] = pair.newest;
+  }
   std::vector<bool> joins_round(graph.resources.size(), false);
-  for (ResourceIndex r = 0; r < groups.size(); ++r) {
-    if (!is_kept[r] || groups[r].empty()) continue;
-    Group& first = groups[r].front();
-    Group& last = groups[r].back();
-    plan.first_layout[r] = last.info.layout;
-    if (continues(last.info, first.info)) {
-      joins_round[r] = true;
-      widen(last.info, first.info);
-      first.info = {last.info.stages, last.info.access, first.info.layout, first.info.reads, first.info.writes};
+  for (int turn = 0; turn < 2; ++turn) {  // the second hands on what the first found of the other memory
+    for (ResourceIndex r = 0; r < groups.size(); ++r) {
+      if (!is_kept[r] || groups[r].empty()) continue;
+      Group& first = groups[r].front();
+      Group& last = groups[last_frame[r]].back();
+      plan.first_layout[r] = last.info.layout;
+      if (continues(last.info, first.info)) {
+        joins_round[r] = true;
+        widen(last.info, first.info);
+        first.info = {last.info.stages, last.info.access, first.info.layout, first.info.reads, first.info.writes};
+      }
     }
   }
 
@@ -211,11 +269,12 @@ BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const 
     for (std::size_t g = 0; g < groups[r].size(); ++g) {
       const Group& group = groups[r][g];
       if (g > 0) {
-        add(group, make_barrier(r, groups[r][g - 1].info, group.info));
+        const AccessInfo& before = groups[r][g - 1].info;
+        if (!is_covered(before, group.info)) add(group, make_barrier(r, before, group.info));
         continue;
       }
       if (joins_round[r]) continue;
-      AccessInfo before = groups[r].back().info;
+      AccessInfo before = groups[last_frame[r]].back().info;
       if (!is_kept[r]) {
         // Contents are not needed. Whoever had these bytes before, in this frame or the last, must be done, and its
         // writes must not land later; each one's earlier groups wait for its last one already.
@@ -229,6 +288,7 @@ BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const 
       add(group, make_barrier(r, before, group.info));
     }
   }
+  plan_again(order, placement, groups, is_kept, plan);
   return plan;
 }
 

@@ -45,6 +45,7 @@ void Executor::keep(std::string_view resource) {
 void Executor::set_parameter(PassIndex pass, std::size_t parameter, const ParameterValue& value) {
   State& s = *state_;
   s.original.passes[pass].parameters[parameter] = value;
+  s.is_changed = true;
   if (!s.is_planned) return;
   const Parameter& declared = s.original.passes[pass].entry.technique->parameters[parameter];
   if ((declared.flags & (HEDDLE_PARAMETER_REDECLARE | HEDDLE_PARAMETER_CONSTANT)) != 0) {
@@ -60,7 +61,7 @@ const FrameStats& Executor::stats() const {
 }
 
 const ResolvedGraph& Executor::graph() const {
-  return state_->graph;
+  return state_->original;
 }
 
 std::string Executor::explain(std::string_view format) {
@@ -83,6 +84,7 @@ std::string Executor::explain(std::string_view format) {
       s.wanted = {s.graph.output};
       for (const std::string& name : s.kept_names) s.wanted.push_back(find_resource(s.graph, name));
       prune(s.graph, s.wanted, every_feature);
+      weave_loops(s.graph);
       s.order = graph::order(s.graph);
       s.placement = alias(s.graph, s.order, std::vector<MemoryNeed>(s.graph.resources.size()), s.wanted);
       s.barriers = plan_barriers(s.graph, s.order, s.placement, s.wanted);

@@ -21,6 +21,7 @@ struct HostServices {
 
 struct FrameOptions {
   bool profile = false;  // submit and wait stage by stage
+  bool anew = false;     // also what is complete and unchanged
   bool cut = false;
   double time = 0, time_step = 0;
   std::uint64_t seed = 0;
@@ -31,11 +32,18 @@ struct StageTime {
   double wall_ms = 0, cpu_ms = 0;  // cpu: all threads of the process
 };
 
+struct LoopProgress {
+  std::string pass;
+  std::uint32_t done = 0, total = 0;  // iterations
+};
+
 struct FrameStats {
   std::uint64_t frame = 0;
   double wall_ms = 0;             // recording and running
   double submit_ms = 0;           // from the first submission to the last fence
-  std::vector<StageTime> stages;  // profiled frames only
+  std::uint64_t stalls = 0;       // cpu stages that waited for the GPU within the frame
+  std::vector<StageTime> stages;  // profiled frames only; iterations of a loop together
+  std::vector<LoopProgress> loops;
   vulkan::Counters before, after;
   std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;
   std::vector<std::string> libraries;  // open for this graph
@@ -76,6 +84,7 @@ class Executor {
   [[nodiscard]] const FrameStats& stats() const;
   /// format: text, json or dot. Before the first frame: planned as far as it can be without a scene.
   std::string explain(std::string_view format);
+  /// As it was resolved, with the parameters of now.
   [[nodiscard]] const ResolvedGraph& graph() const;
 
   struct State;  // of execute*.cpp

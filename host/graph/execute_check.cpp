@@ -74,6 +74,7 @@ void Executor::State::begin_checked_frame() {
   vulkan::hazard::Recorder* recorder = device->recorder();
   if (recorder == nullptr) return;
   scans.clear();
+  wrong_value.reset();
   recorder->begin_frame(info.index);
   recorder->label({{graph.file}, "the start of the frame"});
   // Images come from UNDEFINED; that a buffer's contents end with the frame has to be said.
@@ -97,9 +98,11 @@ void Executor::State::label_commands(const ScheduledStage* stage) {
 void Executor::State::scan_outputs(std::uint32_t index) {
   vulkan::hazard::Recorder* recorder = device->recorder();
   if (recorder == nullptr) return;
+  if (order.stages[index].is_read_back) return;
   const PassIndex pass = order.stages[index].pass;
-  const bool is_last = std::none_of(order.stages.begin() + index + 1, order.stages.end(),
-                                    [&](const ScheduledStage& later) { return later.pass == pass; });
+  const bool is_last =
+      std::none_of(order.stages.begin() + index + 1, order.stages.end(),
+                   [&](const ScheduledStage& later) { return later.pass == pass && !later.is_read_back; });
   if (!is_last) return;
   const heddle_vulkan& vk = device->table();
   const vulkan::hazard::Recorder::Pause pause(recorder);
@@ -115,7 +118,14 @@ void Executor::State::scan_outputs(std::uint32_t index) {
     for (std::uint32_t layer = 0; layer < shape.layers; ++layer) {
       if (drawn != drawn_layers.end() && drawn->second.count(layer) == 0) continue;
       for (std::uint32_t mip = 0; mip < shape.mips; ++mip) {
-        Scan scan{pass, bound->second, layer, mip, std::max(shape.width >> mip, 1U), std::max(shape.height >> mip, 1U),
+        Scan scan{pass,
+                  bound->second,
+                  layer,
+                  mip,
+                  std::max(shape.width >> mip, 1U),
+                  std::max(shape.height >> mip, 1U),
+                  info.iteration,
+                  info.iteration_count,
                   {}};
         scan.texels =
             device->make_buffer(std::uint64_t{scan.width} * scan.height * vulkan::format_info(shape.format).texel_bytes,
@@ -141,11 +151,12 @@ void Executor::State::scan_outputs(std::uint32_t index) {
   vk.CmdPipelineBarrier2(commands, &dependency);
 }
 
-void Executor::State::throw_what_the_check_found() {
-  if (device->recorder() == nullptr) return;
-  std::vector<Diagnostic> found = device->take_hazards();
-  // Where nobody looks, poisoned memory may stay what it was; zeros are no poison.
-  for (const Scan& scan : variant.poison.value_or(0) != 0 ? std::span<const Scan>() : std::span<const Scan>(scans)) {
+/// Keeps the first value that breaks a rule. The device is done with the copies.
+void Executor::State::search_scans(std::size_t begin) {
+  // Where nobody looks, poisoned memory may stay what it was; zeros are no poison. What follows from the first is not
+  // told.
+  if (variant.poison.value_or(0) != 0 || wrong_value) return;
+  for (const Scan& scan : std::span(scans).subspan(begin)) {
     const Resource& resource = graph.resources[scan.resource];
     const Pass& pass = graph.passes[scan.pass];
     const vulkan::ImageShape& shape = root(scan.resource).image.shape();
@@ -165,13 +176,22 @@ void Executor::State::throw_what_the_check_found() {
                                      pixel / scan.width);
     if (shape.layers > 1) diagnostic.message += fmt::format(", layer {}", scan.layer);
     if (shape.mips > 1) diagnostic.message += fmt::format(", mip {}", scan.mip);
+    if (scan.iteration_count > 0)
+      diagnostic.message += fmt::format(", in iteration {} of {}", scan.iteration, scan.iteration_count);
     diagnostic.found = fmt::format("{} in channel {}; {} of {} numbers are wrong", *first,
                                    (first - values.begin()) % channels, count, values.size());
     diagnostic.expected = rule.expected();
     diagnostic.help = "this is the first output in the order of the frame that breaks a rule";
-    found.push_back(std::move(diagnostic));
-    break;  // what follows from it is not told
+    wrong_value = std::move(diagnostic);
+    return;
   }
+}
+
+void Executor::State::throw_what_the_check_found() {
+  if (device->recorder() == nullptr) return;
+  std::vector<Diagnostic> found = device->take_hazards();
+  search_scans(0);
+  if (wrong_value) found.push_back(std::move(*wrong_value));
   if (!found.empty()) throw Error(HEDDLE_BUG, std::move(found));
 }
 

@@ -179,7 +179,8 @@ heddle_status map(const heddle_pass_host* self, heddle_frame* frame, const char*
     if (mapping.port != port) continue;
     heddle_mapped filled{};
     filled.struct_size = std::min<std::uint32_t>(out->struct_size, sizeof filled);
-    filled.data = mapping.staging.data();
+    filled.data = mapping.late != nullptr ? mapping.late : mapping.staging.data();
+    filled.frame = mapping.frame;
     fill_shape(executor, executor.pass_of(pass), port, filled.shape);
     filled.row_bytes =
         std::uint64_t{filled.shape.width} * vulkan::format_info(static_cast<VkFormat>(filled.shape.format)).texel_bytes;

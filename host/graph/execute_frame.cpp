@@ -20,12 +20,6 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
-double process_cpu_ms() {
-  timespec now{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
-}
-
 VkImageAspectFlags aspect_of(std::uint32_t format) {
   return vulkan::format_info(static_cast<VkFormat>(format)).is_depth ? VK_IMAGE_ASPECT_DEPTH_BIT
                                                                      : VK_IMAGE_ASPECT_COLOR_BIT;
@@ -179,13 +173,15 @@ void Executor::State::set_value(ResourceIndex resource, std::span<const std::byt
 
 void Executor::State::set_scene_values(const scene::Scene& rendered) {
   const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
+  previous_origin = origin;
   origin = {camera.position[0], camera.position[1], camera.position[2]};
   const HeddleView view = scene::make_view(camera, graph.width, graph.height, origin,
                                            info.cut != 0 || !previous_camera ? nullptr : &*previous_camera);
   const std::vector<HeddleLight> lights = scene::SceneBuffers::lights(rendered, origin);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
-    if (resource.producer != kNoIndex || resource.type != PortType::kValue) continue;
+    const bool is_scene = resource.producer == kNoIndex && resource.history_of == kNoIndex;
+    if (!is_scene || resource.type != PortType::kValue) continue;
     if (resource.port == "camera") set_value(i, std::as_bytes(std::span(&view, 1)));
     if (resource.port == "lights") set_value(i, std::as_bytes(std::span(lights)));
   }
@@ -195,7 +191,11 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     scene = &rendered;
   }
   scene_buffers->update(rendered, origin);
-  for (std::size_t i = 0; i < 3; ++i) info.origin[i] = origin[static_cast<glm::length_t>(i)];
+  if (info.cut != 0) previous_origin = origin;
+  for (std::size_t i = 0; i < 3; ++i) {
+    info.origin[i] = origin[static_cast<glm::length_t>(i)];
+    info.previous_origin[i] = previous_origin[static_cast<glm::length_t>(i)];
+  }
 }
 
 std::uint32_t Executor::State::add_view(const HeddleView& view) {
@@ -271,27 +271,19 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     ResourceState& target = root(found->second);
     if (!target.image && !target.buffer) continue;
     const Resource& resource = graph.resources[target.root];
+    if (declared.is_late(access, resource.type)) {
+      frame.mappings.push_back(late_mapping(scheduled, access.port));
+      continue;
+    }
     heddle_frame::Mapping mapping;
     mapping.port = access.port;
     mapping.is_written = access.access == HEDDLE_ACCESS_HOST_WRITE;
-    const std::uint64_t bytes =
-        target.image ? std::uint64_t{vulkan::format_info(static_cast<VkFormat>(resource.format)).texel_bytes} *
-                           resource.width * resource.height * std::max(resource.layers, 1U)
-                     : target.buffer.size();
-    mapping.staging =
-        device->make_buffer(bytes, VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
+    mapping.frame = info.index;
+    mapping.staging = device->make_buffer(host_bytes(found->second),
+                                          VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
     if (!mapping.is_written) {
       reads_device = true;
-      if (target.image) {
-        VkBufferImageCopy region{};
-        region.imageSubresource = {aspect_of(resource.format), 0, 0, std::max(resource.layers, 1U)};
-        region.imageExtent = {resource.width, resource.height, 1};
-        vk.CmdCopyImageToBuffer(commands, target.image.handle(), target.layout, mapping.staging.handle(), 1, &region);
-      } else {
-        const VkBufferCopy region{0, 0, bytes};
-        vk.CmdCopyBuffer(commands, target.buffer.handle(), mapping.staging.handle(), 1, &region);
-      }
-      device->count_read_back(bytes);
+      copy_to_host(found->second, mapping.staging);
     }
     frame.mappings.push_back(std::move(mapping));
   }
@@ -307,8 +299,10 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     vk.CmdPipelineBarrier2(commands, &dependency);
     submit_and_wait();
     begin_commands();
+    ++stats.stalls;
   }
   for (const heddle_frame::Mapping& mapping : frame.mappings) {
+    if (mapping.late != nullptr) continue;  // late_mapping told of it
     if (mapping.is_written && variant.poison)
       std::fill_n(reinterpret_cast<std::uint32_t*>(mapping.staging.data()), mapping.staging.size() / 4,
                   *variant.poison);
@@ -341,18 +335,26 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
   }
 }
 
-void Executor::State::run_stage(std::uint32_t index) {
+void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> before) {
   const ScheduledStage& scheduled = order.stages[index];
-  PassState& state = *passes[scheduled.pass];
   label_commands(&scheduled);
+  if (scheduled.is_read_back) {
+    record_barriers(before);
+    run_read_back(scheduled);
+    return;
+  }
+  PassState& state = *passes[scheduled.pass];
   heddle_frame frame;
   frame.stage = &scheduled;
   const std::uint32_t activity =
       state.descriptor->activity != nullptr
           ? state.descriptor->activity(state.object, &state.api, scheduled.stage, &frame, &info)
           : HEDDLE_RUN;
-  record_barriers(barriers.before[index]);
-  if (activity == HEDDLE_KEEP) return;
+  record_barriers(before);
+  if (activity == HEDDLE_KEEP) {
+    keep_outputs(scheduled);
+    return;
+  }
   if (activity == HEDDLE_NOTHING) {
     write_neutral(state, scheduled);
     return;
@@ -374,51 +376,38 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
   // Nothing of a failed frame may reach the next: its plan, values and recorded commands go.
   try {
     if (!s.is_planned || rendered.features() != s.planned_features) s.plan(rendered);
-    const heddle_vulkan& vk = s.device->table();
-    vulkan::check(vk.ResetCommandPool(vk.device, s.command_pool, 0), "vkResetCommandPool");
-    s.command_buffer_count = 0;
-    for (VkDescriptorPool pool : s.descriptor_pools) (void)vk.ResetDescriptorPool(vk.device, pool, 0);
-    s.descriptor_pool = 0;
-    s.frame_buffers.clear();
-    s.view_count = 0;
+    s.begin_frame_memory();
     s.drawn_layers.clear();
-    s.program_set = VK_NULL_HANDLE;
     s.errors.clear();
     s.stats.stages.clear();
     s.stats.submit_ms = 0;
+    s.stats.stalls = 0;
     s.stats.before = s.device->counters();
     s.info.struct_size = sizeof s.info;
-    s.info.cut = options.cut || s.stats.frame == 0 ? 1U : 0U;
-    s.info.index = s.stats.frame;
+    s.info.cut = options.cut || s.is_fresh ? 1U : 0U;
+    s.info.is_still = s.is_still(rendered, options) ? 1U : 0U;
+    s.info.index = s.frame_index;
     s.info.time = options.time;
     s.info.time_step = options.time_step;
     s.info.seed = options.seed;
     s.begin_checked_frame();
-    s.set_scene_values(rendered);
-    s.begin_commands();
-    for (std::uint32_t i = 0; i < s.order.stages.size(); ++i) {
-      const auto stage_start = Clock::now();
-      const double cpu_start = process_cpu_ms();
-      s.poison_around(i, true);
-      s.run_stage(i);
-      s.scan_outputs(i);
-      s.poison_around(i, false);
-      if (options.profile) {
-        s.submit_and_wait();
-        s.begin_commands();
-        const ScheduledStage& scheduled = s.order.stages[i];
-        const Pass& pass = s.graph.passes[scheduled.pass];
-        s.stats.stages.push_back({pass.name, pass.entry.technique->stages[scheduled.stage].name,
-                                  milliseconds_since(stage_start), process_cpu_ms() - cpu_start});
-      }
+    if (s.find_iterations()) {
+      if (s.is_continuing) s.info.time_step = 0;
+      s.begin_commands();
+      s.turn_histories();
+      s.name_resources();
+      s.set_scene_values(rendered);
+      s.run_stages(options.profile);
+      s.label_commands(nullptr);
+      s.record_barriers(s.barriers.at_end);
+      s.submit_and_wait();
+      s.frame_buffers.clear();
+      ++s.frame_index;
     }
-    s.label_commands(nullptr);
-    s.record_barriers(s.barriers.at_end);
-    s.submit_and_wait();
-    s.frame_buffers.clear();
     s.stats.after = s.device->counters();
     s.stats.wall_ms = milliseconds_since(start);
     ++s.stats.frame;
+    s.is_fresh = false;
     s.throw_what_the_check_found();
     const std::vector<std::string> complaints = s.device->take_validation_errors();
     if (!complaints.empty()) {

@@ -48,7 +48,10 @@ std::vector<Frame> run_frames(Executor& executor, Executor::State& state, const 
                               const FrameOptions& options, std::uint32_t frames) {
   std::vector<Frame> result;
   for (std::uint32_t f = 0; f < frames; ++f) {
-    executor.render(scene, options);
+    // Nothing changes: loops go on, or are complete, in each second frame, and begin anew in the others.
+    FrameOptions frame_options = options;
+    frame_options.anew = options.anew || f % 2 == 0;
+    executor.render(scene, frame_options);
     Frame& frame = result.emplace_back();
     for (const Executor::State::Scan& scan : state.scans)
       frame.scanned.push_back({scan.resource,
@@ -95,12 +98,29 @@ void Executor::State::place_poison(ResourceIndex resource, std::uint64_t bytes) 
                                       is_own ? 0 : placement.offset[resource]);
 }
 
+/// As before the first frame.
+void Executor::State::forget_frames() {
+  stats.frame = 0;
+  frame_index = 0;
+  previous_camera.reset();
+  inputs.clear();
+}
+
 void Executor::State::poison_around(std::uint32_t stage, bool is_before) {
   if (!variant.poison) return;
   const vulkan::hazard::Recorder::Pause pause(device->recorder());
   const auto uses = [&](const ScheduledStage& scheduled, ResourceIndex resource) {
     return std::any_of(scheduled.uses.begin(), scheduled.uses.end(),
                        [&](const auto& use) { return resources[use.resource].root == resource; });
+  };
+  // What all iterations of the stage's loop find again: made before it, or only in the first of them.
+  const auto lasts = [&](ResourceIndex resource) {
+    const auto loop = std::ranges::find_if(
+        order.loops, [&](const ScheduledLoop& one) { return stage >= one.begin && stage < one.end; });
+    if (loop == order.loops.end()) return false;
+    for (std::uint32_t s = 0; s < loop->end; ++s)
+      if ((s < loop->begin || order.stages[s].runs_once) && uses(order.stages[s], resource)) return true;
+    return false;
   };
   const heddle_vulkan& vk = device->table();
   for (ResourceIndex i = 0; i < resources.size(); ++i) {
@@ -112,6 +132,7 @@ void Executor::State::poison_around(std::uint32_t stage, bool is_before) {
     const bool is_read_later = !is_before && std::any_of(wanted.begin(), wanted.end(),
                                                          [&](ResourceIndex w) { return resources[w].root == i; });
     if (is_used_there || is_read_later) continue;
+    if (lasts(i) && !(is_before ? is_first_iteration : is_last_iteration)) continue;
     barrier_between_all(vk, commands);
     vk.CmdFillBuffer(commands, resources[i].poison.handle(), 0, VK_WHOLE_SIZE, *variant.poison);
     barrier_between_all(vk, commands);
@@ -123,8 +144,7 @@ CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& optio
   const auto run = [&](std::size_t order, std::optional<std::uint32_t> poison) {
     s.unplan();
     s.variant = {order, poison};
-    s.stats.frame = 0;
-    s.previous_camera.reset();
+    s.forget_frames();
     return run_frames(*this, s, scene, options, frames);
   };
   struct Restore {
@@ -132,8 +152,7 @@ CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& optio
     ~Restore() {
       state.unplan();
       state.variant = {};
-      state.stats.frame = 0;
-      state.previous_camera.reset();
+      state.forget_frames();
     }
   } restore{s};
 

@@ -28,9 +28,23 @@ std::vector<PassIndex> dependency_order(const ResolvedGraph& graph) {
   return order;
 }
 
-bool has_memory(const Resource& resource) {
-  return resource.producer != kNoIndex && resource.previous_version == kNoIndex &&
+/// The pass that makes a resource, or made it in the frame before; kNoIndex: the scene.
+PassIndex maker_of(const ResolvedGraph& graph, const Resource& resource) {
+  return resource.history_of == kNoIndex ? resource.producer : graph.resources[resource.history_of].producer;
+}
+
+bool has_memory(const ResolvedGraph& graph, const Resource& resource) {
+  return maker_of(graph, resource) != kNoIndex && resource.previous_version == kNoIndex &&
          (resource.type == PortType::kImage || resource.type == PortType::kBuffer);
+}
+
+void copy_shape(Resource& to, const Resource& from) {
+  to.format = from.format;
+  to.width = from.width;
+  to.height = from.height;
+  to.layers = from.layers;
+  to.mips = from.mips;
+  to.byte_size = from.byte_size;
 }
 
 constexpr VkBufferUsageFlags kPortBufferUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
@@ -39,7 +53,9 @@ constexpr VkBufferUsageFlags kPortBufferUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_B
 
 }  // namespace
 
+/// Whether contents outlast the frame; those of a history do because those of its newest version do.
 bool Executor::State::is_any_version_kept(ResourceIndex first) const {
+  if (graph.resources[first].history_of != kNoIndex) return true;
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i)
     if (graph.resources[i].is_kept && first_version(graph, i) == first) return true;
   return false;
@@ -81,6 +97,7 @@ void Executor::State::unplan() {
   }
   passes.clear();
   resources.clear();
+  rings.clear();
   frame_buffers.clear();
   heap = {};
   is_planned = false;
@@ -98,6 +115,7 @@ void Executor::State::plan(const scene::Scene& planned_scene) {
   }
   compile_passes();
   is_planned = true;
+  is_fresh = true;
 }
 
 /// Everything that is decided before the first byte is allocated.
@@ -114,6 +132,7 @@ void Executor::State::plan_memory(const std::vector<std::string>& features) {
     if (std::find(wanted.begin(), wanted.end(), resource) == wanted.end()) wanted.push_back(resource);
   }
   prune(graph, wanted, planned_features);
+  weave_loops(graph);
   order = variant.order == 0 ? graph::order(graph)
                              : std::move(find_orders(graph, variant.order + 1).orders.at(variant.order));
   resources.resize(graph.resources.size());
@@ -166,23 +185,21 @@ void Executor::State::declare_passes() {
   for (const PassIndex index : dependency_order(graph)) {
     PassState* pass = passes[index].get();
     if (pass == nullptr) continue;
+    for (const auto& [port, source] : graph.passes[index].inout_sources) {
+      Resource& made = graph.resources[graph.passes[index].ports.at(port)];
+      if (made.type == PortType::kValue) continue;
+      copy_shape(made, graph.resources[source]);
+    }
     if (pass->descriptor->declare != nullptr) {
       pass->is_declaring = true;
       const heddle_status status = pass->descriptor->declare(pass->object, &pass->api);
       pass->is_declaring = false;
       throw_if_failed(*pass, status, "declare");
     }
-    for (const auto& [port, source] : graph.passes[index].inout_sources) {
-      Resource& made = graph.resources[graph.passes[index].ports.at(port)];
-      if (made.type == PortType::kValue) continue;
-      const Resource& read = graph.resources[source];
-      made.format = read.format;
-      made.width = read.width;
-      made.height = read.height;
-      made.layers = read.layers;
-      made.mips = read.mips;
-      made.byte_size = read.byte_size;
-    }
+  }
+  for (Resource& history : graph.resources) {
+    const bool has_shape = history.type == PortType::kImage || history.type == PortType::kBuffer;
+    if (history.history_of != kNoIndex && has_shape) copy_shape(history, graph.resources[history.history_of]);
   }
 }
 
@@ -200,9 +217,15 @@ vulkan::ImageShape Executor::State::image_shape(const Resource& resource) const 
 void Executor::State::find_needs() {
   needs.assign(graph.resources.size(), {0, 1});
   memory_types = ~0U;
+  const std::vector<HistoryPair> pairs = history_pairs(graph, order);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
-    if (!has_memory(resource) || !passes[resource.producer]) continue;
+    if (!has_memory(graph, resource) || !passes[maker_of(graph, resource)]) continue;
+    // A history that only passes of no use would read costs nothing.
+    if (resource.history_of != kNoIndex &&
+        std::ranges::none_of(pairs, [&](const HistoryPair& pair) { return pair.history == i; })) {
+      continue;
+    }
     VkMemoryRequirements need{};
     if (resource.type == PortType::kImage) {
       if (resource.format == VK_FORMAT_UNDEFINED) {
@@ -266,7 +289,7 @@ void Executor::State::initialize_kept() {
       ResourceState& state = resources[i];
       const bool lasts = barriers.first_layout.size() > i && barriers.first_layout[i] != VK_IMAGE_LAYOUT_UNDEFINED;
       if (state.image && lasts) {
-        const Pass& producer = graph.passes[resource.producer];
+        const Pass& producer = graph.passes[maker_of(graph, resource)];
         const RolePort* port = producer.role->find_port(resource.port);
         clear_image(state, resource, port != nullptr ? port->neutral : std::array<double, 4>{0, 0, 0, 0});
         Barrier barrier;

@@ -37,6 +37,19 @@ struct ShaderState {
   vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
 };
 
+/// Copies of an image or buffer on the host, for a stage with latency: as many as frames are between, and one that is
+/// being made.
+struct ReadBackRing {
+  PassIndex pass = kNoIndex;
+  std::uint32_t stage = 0;
+  std::string port;
+  struct Copy {
+    vulkan::Buffer buffer;
+    std::uint64_t frame = HEDDLE_NO_FRAME;
+  };
+  std::vector<Copy> copies;
+};
+
 struct PassState {
   heddle_pass_host api{};          // api.host = this
   void* executor_state = nullptr;  // Executor::State
@@ -63,6 +76,10 @@ struct heddle_frame {
     std::string port;
     heddle::vulkan::Buffer staging;
     bool is_written = false;
+    std::uint64_t frame = HEDDLE_NO_FRAME;  // that made the contents
+    // Stages with latency: where the contents are; else in staging.
+    std::byte* late = nullptr;
+    std::vector<std::byte> zeros;  // `late` when nothing has arrived
   };
   std::vector<Mapping> mappings;
 };
@@ -77,6 +94,7 @@ struct Executor::State {
 
   // The plan; valid while `is_planned`.
   bool is_planned = false;
+  bool is_fresh = false;  // no frame of this plan was rendered: nothing of the past is there
   std::vector<std::string> planned_features;
   Order order;
   std::vector<MemoryNeed> needs;
@@ -85,6 +103,8 @@ struct Executor::State {
   BarrierPlan barriers;
   std::vector<ResourceIndex> wanted;
   std::vector<ResourceState> resources;
+  std::vector<ReadBackRing> rings;
+  std::vector<heddle_iterations> iterations;       // of this frame, parallel to order.loops
   std::vector<std::unique_ptr<PassState>> passes;  // parallel to graph.passes; null if pruned
   vulkan::Heap heap;
   std::uint64_t kept_bytes = 0;
@@ -107,9 +127,14 @@ struct Executor::State {
   std::unique_ptr<scene::SceneBuffers> scene_buffers;
   scene::Snapshot snapshot;
   std::optional<heddle_camera> previous_camera;
-  glm::dvec3 origin{0.0};
+  glm::dvec3 origin{0.0}, previous_origin{0.0};
+  std::vector<std::byte> inputs;  // of the last frame, all that techniques can see: what is_still compares
+  bool is_changed = false;        // a parameter was set since
 
   // One frame.
+  std::uint64_t frame_index = 0;  // frames that were submitted
+  bool is_continuing = false;     // a loop goes on where the last frame left it: no time passes
+  bool is_first_iteration = true, is_last_iteration = true;  // of this frame, in a loop; both outside of loops
   FrameStats stats;
   heddle_frame_info info{};
   VkCommandBuffer commands = VK_NULL_HANDLE;
@@ -141,10 +166,24 @@ struct Executor::State {
 
   void set_scene_values(const scene::Scene& scene);
   void set_value(ResourceIndex resource, std::span<const std::byte> bytes);
+  void turn_histories();
+  void carry_over(ResourceIndex newest, ResourceIndex history);
+  void keep_outputs(const ScheduledStage& stage);
+  void clear_history(ResourceIndex history);
+  void run_read_back(const ScheduledStage& stage);
+  heddle_frame::Mapping late_mapping(const ScheduledStage& stage, const std::string& port);
+  void copy_to_host(ResourceIndex resource, const vulkan::Buffer& buffer);
+  [[nodiscard]] std::uint64_t host_bytes(ResourceIndex resource) const;
   void begin_commands();
   void submit_and_wait();
   void record_barriers(std::span<const Barrier> list);
-  void run_stage(std::uint32_t index);
+  void run_stage(std::uint32_t index, std::span<const Barrier> before);
+  void run_stages(bool is_profiled);
+  void run_loop(std::size_t loop, bool is_profiled);
+  void run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled);
+  [[nodiscard]] bool find_iterations();
+  [[nodiscard]] bool is_still(const scene::Scene& scene, const FrameOptions& options);
+  void begin_frame_memory();
   void run_cpu_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   void write_neutral(PassState& pass, const ScheduledStage& stage);
   void clear_image(ResourceState& state, const Resource& resource, const std::array<double, 4>& value);
@@ -166,20 +205,24 @@ struct Executor::State {
   Variant variant;
   void place_poison(ResourceIndex resource, std::uint64_t bytes);
   void poison_around(std::uint32_t stage, bool is_before);
+  void forget_frames();
 
   // Check mode (execute_check.cpp); without it each does nothing.
   struct Scan {  // texels of an output, copied right after its pass
     PassIndex pass = kNoIndex;
     ResourceIndex resource = kNoIndex;
     std::uint32_t layer = 0, mip = 0, width = 0, height = 0;
+    std::uint32_t iteration = 0, iteration_count = 0;  // of a loop; count 0: in none
     vulkan::Buffer texels;
   };
   std::vector<Scan> scans;
+  std::optional<Diagnostic> wrong_value;  // the first that a scan of this frame found
   std::map<ResourceIndex, std::set<std::uint32_t>> drawn_layers;  // this frame, of attachments, by first version
   void name_resources();
   void begin_checked_frame();
   void label_commands(const ScheduledStage* stage);
   void scan_outputs(std::uint32_t stage);
+  void search_scans(std::size_t begin);
   void throw_what_the_check_found();
 
   [[nodiscard]] bool is_any_version_kept(ResourceIndex first) const;

@@ -140,6 +140,40 @@ std::string stage_text(const ResolvedGraph& graph, const ScheduledStage& schedul
   return pass.name + "." + pass.entry.technique->stages[scheduled.stage].name;
 }
 
+/// How a cpu stage gets what the GPU made, and what that costs.
+std::string waiting_text(const ResolvedGraph& graph, const ScheduledStage& scheduled) {
+  const std::uint32_t latency = graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].latency;
+  if (scheduled.is_read_back)
+    return fmt::format("   copies to the host, for {} later",
+                       latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
+  if (scheduled.splits_submission) return "   waits for the gpu: reads what it made this frame";
+  if (latency > 0)
+    return fmt::format("   waits for nothing: reads what the gpu made {} ago",
+                       latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
+  return {};
+}
+
+/// Lines before a stage where loops begin or have ended.
+std::string loop_text(const ResolvedGraph& graph, const Order& order, std::uint32_t stage) {
+  std::string text;
+  for (const ScheduledLoop& loop : order.loops) {
+    const std::string& name = graph.passes[loop.pass].name;
+    if (loop.end == stage) text += fmt::format("       end of the loop of '{}'\n", name);
+    if (loop.begin != stage) continue;
+    const auto woven = std::ranges::find(graph.loops, loop.pass, &GraphLoop::pass);
+    std::string overrides;
+    std::string gathers;
+    for (const auto& [from, to] : woven->overrides)
+      overrides += fmt::format("{}'{}' for '{}'", overrides.empty() ? "" : ", ", graph.resources[to].name,
+                               graph.resources[from].name);
+    for (const ResourceIndex gathered : woven->gathers)
+      gathers += fmt::format("{}'{}'", gathers.empty() ? "" : ", ", graph.resources[gathered].name);
+    text += fmt::format("       loop of '{}', stages {} to {}: gives {}, gathers {}\n", name, loop.begin + 1, loop.end,
+                        overrides, gathers);
+  }
+  return text;
+}
+
 std::vector<bool> used_resources(const ResolvedGraph& graph, const Order& order) {
   std::vector<bool> is_used(graph.resources.size(), false);
   for (const ScheduledStage& scheduled : order.stages)
@@ -147,7 +181,18 @@ std::vector<bool> used_resources(const ResolvedGraph& graph, const Order& order)
   return is_used;
 }
 
+/// Of last frame's version: how it comes to be.
+std::string history_text(const ResolvedGraph& graph, const Resource& history) {
+  const Resource& newest = graph.resources[history.history_of];
+  if (!has_memory(history.type)) return fmt::format("a copy of '{}' of the frame before", newest.name);
+  const bool is_rewritten =
+      (graph.resources[first_version(graph, history.history_of)].flags & HEDDLE_PORT_REWRITTEN) != 0;
+  return fmt::format("kept, takes turns with '{}'{}", newest.name,
+                     is_rewritten ? "" : ", which is copied back: its technique may write parts of it");
+}
+
 std::string memory_text(const ResolvedGraph& graph, const Placement& placement, ResourceIndex resource) {
+  if (graph.resources[resource].history_of != kNoIndex) return history_text(graph, graph.resources[resource]);
   if (!has_memory(graph.resources[resource].type)) return "";
   const ResourceIndex first = first_version(graph, resource);
   if (first != resource) return fmt::format("in place of '{}'", graph.resources[first].name);
@@ -231,9 +276,9 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
   text += "\norder, with the barriers before each stage\n";
   for (std::uint32_t s = 0; s < order.stages.size(); ++s) {
     const ScheduledStage& scheduled = order.stages[s];
+    text += loop_text(graph, order, s);
     text += fmt::format("  {:>3}  {} {}{}\n", s + 1, scheduled.kind == StageKind::kGpu ? "gpu" : "cpu",
-                        stage_text(graph, scheduled),
-                        scheduled.splits_submission ? "   waits for the gpu: reads what it made this frame" : "");
+                        stage_text(graph, scheduled), waiting_text(graph, scheduled));
     rows.clear();
     for (const auto& use : scheduled.uses)
       rows.push_back({"      ",
@@ -245,7 +290,11 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
     if (s < barriers.before.size())
       for (const Barrier& barrier : barriers.before[s])
         text += fmt::format("          barrier {}\n", barrier_text(graph, barrier));
+    if (s < barriers.again.size())
+      for (const Barrier& barrier : barriers.again[s])
+        text += fmt::format("          again   {}\n", barrier_text(graph, barrier));
   }
+  text += loop_text(graph, order, static_cast<std::uint32_t>(order.stages.size()));
   for (const Barrier& barrier : barriers.at_end)
     text += fmt::format("  end  barrier {}\n", barrier_text(graph, barrier));
 
@@ -259,6 +308,7 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
 
   std::size_t barrier_count = barriers.at_end.size();
   for (const auto& list : barriers.before) barrier_count += list.size();
+  for (const auto& list : barriers.again) barrier_count += list.size();
   const std::uint64_t shared = placement.heap_size + placement.own_size;
   const std::uint64_t apart = placement.unaliased_size + placement.own_size;
   text += "\npeak memory of images and buffers: ";
@@ -324,7 +374,9 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
     Json entry{{"pass", graph.passes[scheduled.pass].name},
                {"stage", graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].name},
                {"kind", scheduled.kind == StageKind::kGpu ? "gpu" : "cpu"},
-               {"splits_submission", scheduled.splits_submission}};
+               {"splits_submission", scheduled.splits_submission},
+               {"latency", graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].latency},
+               {"is_read_back", scheduled.is_read_back}};
     entry["uses"] = Json::array();
     for (const auto& use : scheduled.uses)
       entry["uses"].push_back({{"resource", graph.resources[use.resource].name},
@@ -334,8 +386,15 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
     entry["barriers"] = Json::array();
     if (s < barriers.before.size())
       for (const Barrier& barrier : barriers.before[s]) entry["barriers"].push_back(barrier_json(graph, barrier));
+    if (s < barriers.again.size() && !barriers.again[s].empty()) {
+      entry["barriers_again"] = Json::array();
+      for (const Barrier& barrier : barriers.again[s]) entry["barriers_again"].push_back(barrier_json(graph, barrier));
+    }
     json["stages"].push_back(std::move(entry));
   }
+  json["loops"] = Json::array();
+  for (const ScheduledLoop& loop : order.loops)
+    json["loops"].push_back({{"pass", graph.passes[loop.pass].name}, {"begin", loop.begin}, {"end", loop.end}});
   json["barriers_at_end"] = Json::array();
   for (const Barrier& barrier : barriers.at_end) json["barriers_at_end"].push_back(barrier_json(graph, barrier));
 
@@ -356,6 +415,7 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
       entry["layers"] = resource.layers;
       entry["mips"] = resource.mips;
     }
+    if (resource.history_of != kNoIndex) entry["history_of"] = graph.resources[resource.history_of].name;
     if (resource.previous_version != kNoIndex)
       entry["previous_version"] = graph.resources[resource.previous_version].name;
     if (has_memory(resource.type) && placement.offset[r] != Placement::kOwnMemory)
@@ -388,10 +448,12 @@ std::string explain_dot(const ResolvedGraph& graph, const Order& order) {
   bool uses_scene = false;
   std::string edges;
   const auto add_edge = [&](const std::string& from, const std::string& to, const std::string& label, bool is_grey,
-                            bool is_function) {
-    edges += fmt::format("  {} -> {} [label={}{}{}];\n", dot_quoted(from), dot_quoted(to), dot_quoted(label),
-                         is_function ? ", style=dashed" : "", is_grey ? ", color=grey, fontcolor=grey" : "");
+                            std::string_view style = {}) {
+    edges += fmt::format("  {} -> {} [label={}{}{}];\n", dot_quoted(from), dot_quoted(to), dot_quoted(label), style,
+                         is_grey ? ", color=grey, fontcolor=grey" : "");
   };
+  constexpr std::string_view kFunction = ", style=dashed";
+  constexpr std::string_view kHistory = ", style=dotted, constraint=false";
   for (PassIndex p = 0; p < graph.passes.size(); ++p) {
     const Pass& pass = graph.passes[p];
     text +=
@@ -399,24 +461,25 @@ std::string explain_dot(const ResolvedGraph& graph, const Order& order) {
                     pass.entry.technique->id, numbers[p].empty() ? "" : "\\nstage " + numbers[p],
                     dot_quoted(pass.reason), pass.is_pruned ? ", fillcolor=grey90, color=grey, fontcolor=grey" : "");
     const auto add_input = [&](ResourceIndex index) {
-      const Resource& resource = graph.resources[index];
-      if (resource.producer == p) return;
+      const bool is_history = graph.resources[index].history_of != kNoIndex;
+      const Resource& resource = graph.resources[is_history ? graph.resources[index].history_of : index];
+      if (resource.producer == p && !is_history) return;
       const bool is_scene = resource.producer == kNoIndex;
       uses_scene = uses_scene || is_scene;
-      add_edge(is_scene ? "scene" : graph.passes[resource.producer].name, pass.name, resource.port, pass.is_pruned,
-               false);
+      add_edge(is_scene ? "scene" : graph.passes[resource.producer].name, pass.name,
+               resource.port + (is_history ? "@previous" : ""), pass.is_pruned, is_history ? kHistory : "");
     };
     for (const auto& [port, resource] : pass.ports) add_input(resource);
     for (const auto& [port, resource] : pass.inout_sources) add_input(resource);
     for (const FunctionBinding& binding : pass.functions)
       for (const PassIndex provider : binding.providers)
-        add_edge(graph.passes[provider].name, pass.name, binding.role + "()", pass.is_pruned, true);
+        add_edge(graph.passes[provider].name, pass.name, binding.role + "()", pass.is_pruned, kFunction);
   }
   if (uses_scene) text += "  \"scene\" [shape=ellipse, fillcolor=lightyellow];\n";
   if (graph.output != kNoIndex && graph.resources[graph.output].producer != kNoIndex) {
     text += "  \"output\" [shape=ellipse, fillcolor=lightblue];\n";
     add_edge(graph.passes[graph.resources[graph.output].producer].name, "output", graph.resources[graph.output].port,
-             false, false);
+             false);
   }
   return text + edges + "}\n";
 }

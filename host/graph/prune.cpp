@@ -21,12 +21,23 @@ void detach(ResolvedGraph& graph, PassIndex gone) {
   for (Resource& resource : graph.resources)
     if (resource.previous_version != kNoIndex && resource.producer != gone)
       resource.previous_version = replace(resource.previous_version);
+  // The same for readers of last frame's.
+  std::vector<bool> is_lost(graph.resources.size(), false);
+  for (ResourceIndex r = 0; r < graph.resources.size(); ++r) {
+    Resource& history = graph.resources[r];
+    if (history.history_of == kNoIndex || graph.resources[history.history_of].producer != gone) continue;
+    history.history_of = replace(history.history_of);
+    const bool has_history = history.history_of != kNoIndex && (!has_memory(history.type) ||
+                                                                is_kept(graph, history.history_of));
+    if (has_history) history.name = graph.resources[history.history_of].name + "@previous";
+    is_lost[r] = !has_history;
+  }
   for (PassIndex p = 0; p < graph.passes.size(); ++p) {
     if (p == gone) continue;
     Pass& pass = graph.passes[p];
     for (auto* ports : {&pass.ports, &pass.inout_sources}) {
       for (auto port = ports->begin(); port != ports->end();) {
-        port->second = replace(port->second);
+        port->second = is_lost[port->second] ? kNoIndex : replace(port->second);
         port = port->second == kNoIndex ? ports->erase(port) : std::next(port);
       }
     }
@@ -57,6 +68,20 @@ std::string reason_for(const ResolvedGraph& graph, PassIndex made, PassIndex use
   return fmt::format("answers functions that '{}' calls through another", pass.name);
 }
 
+/// Why `user` needs what `made` made in an earlier frame.
+std::string past_reason_for(const ResolvedGraph& graph, PassIndex made, PassIndex user) {
+  for (const auto& [name, resource] : graph.passes[user].ports) {
+    const ResourceIndex newest = graph.resources[resource].history_of;
+    if (newest != kNoIndex && graph.resources[newest].producer == made)
+      return fmt::format("makes '{}', whose last version '{}' reads", graph.resources[newest].name,
+                         graph.passes[user].name);
+    if (graph.resources[resource].producer == made)
+      return fmt::format("makes '{}', which '{}' reads some frames later", graph.resources[resource].name,
+                         graph.passes[user].name);
+  }
+  return fmt::format("made what '{}' reads", graph.passes[user].name);
+}
+
 std::string outputs_of(const ResolvedGraph& graph, PassIndex pass) {
   std::string text;
   for (const Resource& resource : graph.resources)
@@ -67,8 +92,10 @@ std::string outputs_of(const ResolvedGraph& graph, PassIndex pass) {
 std::string why_dropped(const ResolvedGraph& graph, PassIndex dropped) {
   std::string users;
   for (PassIndex p = 0; p < graph.passes.size(); ++p) {
-    const auto& dependencies = graph.passes[p].dependencies;
-    if (std::ranges::find(dependencies, dropped) != dependencies.end())
+    const auto needs = [&](const std::vector<PassIndex>& list) {
+      return std::ranges::find(list, dropped) != list.end();
+    };
+    if (p != dropped && (needs(graph.passes[p].dependencies) || needs(graph.passes[p].past_dependencies)))
       users += fmt::format("{}'{}'", users.empty() ? "" : ", ", graph.passes[p].name);
   }
   if (!users.empty()) return fmt::format("only {} would use it, and nobody asks for that", users);
@@ -101,7 +128,10 @@ void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::spa
                      {}});
     detach(graph, p);
   }
-  for (PassIndex p = 0; p < graph.passes.size(); ++p) graph.passes[p].dependencies = find_dependencies(graph, p);
+  for (PassIndex p = 0; p < graph.passes.size(); ++p) {
+    graph.passes[p].dependencies = find_dependencies(graph, p);
+    graph.passes[p].past_dependencies = find_past_dependencies(graph, p);
+  }
 
   // From what is wanted back to what it needs; the first user met is the reason.
   std::vector<PassIndex> open;
@@ -120,9 +150,12 @@ void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::spa
                                       : fmt::format("makes '{}', which is asked for", r.name);
     });
   }
-  for (std::size_t i = 0; i < open.size(); ++i)
+  for (std::size_t i = 0; i < open.size(); ++i) {
     for (const PassIndex dependency : graph.passes[open[i]].dependencies)
       keep(dependency, [&] { return reason_for(graph, dependency, open[i]); });
+    for (const PassIndex dependency : graph.passes[open[i]].past_dependencies)
+      keep(dependency, [&] { return past_reason_for(graph, dependency, open[i]); });
+  }
 
   for (PassIndex p = 0; p < graph.passes.size(); ++p)
     if (graph.passes[p].is_pruned && graph.passes[p].reason.empty()) graph.passes[p].reason = why_dropped(graph, p);
@@ -140,6 +173,27 @@ void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::spa
                                {},
                                {},
                                fmt::format("ask for '{}'", later.name)});
+  }
+
+  // The same in the next frame.
+  for (const Pass& pass : graph.passes) {
+    if (pass.is_pruned) continue;
+    for (const auto& [port, history] : pass.ports) {
+      const ResourceIndex newest = graph.resources[history].history_of;
+      if (newest == kNoIndex || !has_memory(graph.resources[newest].type)) continue;
+      for (const Resource& later : graph.resources)
+        if (later.previous_version == newest && !graph.passes[later.producer].is_pruned)
+          throw Error(HEDDLE_BAD_INPUT,
+                      Diagnostic{Severity::kError,
+                                 pass.where,
+                                 fmt::format("pass '{}': inputs.{}: '{}' is gone by the next frame: pass '{}' changes it "
+                                             "in place",
+                                             pass.name, port, graph.resources[newest].name,
+                                             graph.passes[later.producer].name),
+                                 {},
+                                 {},
+                                 fmt::format("read \"{}@previous\"", later.name)});
+    }
   }
 }
 

@@ -16,6 +16,8 @@ namespace {
 constexpr std::array<std::pair<std::string_view, PortType>, 3> kScenePorts{
     {{"camera", PortType::kValue}, {"lights", PortType::kValue}, {"surfaces", PortType::kSurfaces}}};
 
+constexpr std::string_view kPreviousSuffix = "@previous";
+
 std::string_view type_word(PortType type) {
   constexpr std::array<std::string_view, 4> kWords{"an image", "a buffer", "a value", "surfaces"};
   return kWords.at(static_cast<std::size_t>(type));
@@ -52,6 +54,7 @@ class Resolver {
     for (std::size_t e = 0; e < entries_.size(); ++e)
       if (entries_[e].fate == Entry::Fate::kPresent) bind_inputs(e);
     check_branches();
+    check_histories();
     read_joins();
     for (std::size_t e = 0; e < entries_.size(); ++e) {
       if (entries_[e].fate != Entry::Fate::kPresent) continue;
@@ -65,7 +68,10 @@ class Resolver {
     problems_.throw_if_any();
     for (ResourceIndex r = 0; r < graph_.resources.size(); ++r) take_shape(r);
     problems_.throw_if_any();
-    for (PassIndex p = 0; p < graph_.passes.size(); ++p) graph_.passes[p].dependencies = find_dependencies(graph_, p);
+    for (PassIndex p = 0; p < graph_.passes.size(); ++p) {
+      graph_.passes[p].dependencies = find_dependencies(graph_, p);
+      graph_.passes[p].past_dependencies = find_past_dependencies(graph_, p);
+    }
     return std::move(graph_);
   }
 
@@ -178,6 +184,56 @@ class Resolver {
 
   static Source resource_source(ResourceIndex resource) { return {Source::Kind::kResource, resource}; }
 
+  /// Last frame's version of a resource; made when it is first asked for.
+  ResourceIndex history_of(ResourceIndex newest) {
+    for (ResourceIndex r = 0; r < graph_.resources.size(); ++r)
+      if (graph_.resources[r].history_of == newest) return r;
+    Resource history = graph_.resources[newest];
+    history.name += kPreviousSuffix;
+    history.producer = kNoIndex;
+    history.previous_version = kNoIndex;
+    history.history_of = newest;
+    history.is_kept = has_memory(history.type);
+    if (history.name == "scene.camera@previous") history.byte_size = sizeof(HeddleView);
+    graph_.resources.push_back(std::move(history));
+    return static_cast<ResourceIndex>(graph_.resources.size() - 1);
+  }
+
+  /// The same for what an input is bound to. Whether it is kept is known when all passes are bound.
+  Source history_source(std::string_view label, const Location& where, const std::string& found, Source source) {
+    if (source.kind != Source::Kind::kResource) return source;
+    const Resource& newest = graph_.resources[source.resource];
+    if (newest.type == PortType::kSurfaces) {
+      problems_.add(where, fmt::format("{}: surfaces have no history", label), found, "an image, a buffer or a value",
+                    "a mesh carries its previous positions itself");
+      return {};
+    }
+    const ResourceIndex history = history_of(source.resource);
+    histories_.push_back({history, where, std::string(label), found});
+    return resource_source(history);
+  }
+
+  /// Only what is kept is there in the next frame.
+  void check_histories() {
+    for (const AskedHistory& asked : histories_) {
+      const ResourceIndex newest = graph_.resources[asked.history].history_of;
+      if (!has_memory(graph_.resources[newest].type) || is_kept(graph_, newest)) continue;
+      std::string kept;
+      for (ResourceIndex r = 0; r < graph_.resources.size(); ++r) {
+        const Resource& resource = graph_.resources[r];
+        if (resource.history_of == kNoIndex && has_memory(resource.type) && is_kept(graph_, r))
+          kept += fmt::format("{}'{}'", kept.empty() ? "" : ", ", resource.name);
+      }
+      const Resource& resource = graph_.resources[newest];
+      problems_.add(asked.where, fmt::format("{}: '{}' has no history", asked.label, resource.name), asked.found,
+                    kept.empty() ? "an output that its technique keeps from frame to frame: this graph has none"
+                                 : fmt::format("an output that its technique keeps from frame to frame: {}", kept),
+                    fmt::format("'{}' does not keep its '{}' (HEDDLE_PORT_KEPT), so the memory holds something else by "
+                                "the next frame",
+                                graph_.passes[resource.producer].entry.technique->id, resource.port));
+    }
+  }
+
   /// The last producer above, else the scene. A broken pass above may be the producer: then nothing is said.
   [[nodiscard]] Source default_source(std::size_t entry, std::string_view port) const {
     for (std::size_t e = entry; e-- > 0;) {
@@ -197,9 +253,21 @@ class Resolver {
     return {Source::Kind::kAbsent, kNoIndex};
   }
 
-  /// inputs.PORT = "pass.port" | "scene.x" | "none".
+  /// inputs.PORT = "pass.port" | "scene.x" | "none"; the first two also with "@previous".
   Source named_source(std::string_view label, const Written& value) {
-    const std::string& text = text_of(value);
+    const std::string& written = text_of(value);
+    const auto at = written.find('@');
+    const Source source = newest_source(label, value, written.substr(0, at));
+    if (at == std::string::npos) return source;
+    if (written.substr(at) != kPreviousSuffix) {
+      problems_.add(value.where, fmt::format("{}: there is no version '{}'", label, written.substr(at + 1)),
+                    to_toml(value), fmt::format("\"{}@previous\", last frame's", written.substr(0, at)));
+      return {};
+    }
+    return history_source(label, value.where, to_toml(value), source);
+  }
+
+  Source newest_source(std::string_view label, const Written& value, const std::string& text) {
     const auto found = fmt::format("{}", to_toml(value));
     if (text == "none") return {Source::Kind::kAbsent, kNoIndex};
     const auto dot = text.find('.');
@@ -281,7 +349,9 @@ class Resolver {
       if (port.direction == Direction::kOut) continue;
       const auto given = said.find(port.name);
       const std::string label = fmt::format("pass '{}': inputs.{}", pass.name, port.name);
-      Source source = given == said.end() ? default_source(e, port.name) : named_source(label, *given->second);
+      Source source = given != said.end()         ? named_source(label, *given->second)
+                      : port.previous_of.empty() ? default_source(e, port.name)
+                                                 : resource_source(history_of(pass.ports.at(port.previous_of)));
       if (source.kind == Source::Kind::kUnknown) continue;
       if (source.kind == Source::Kind::kAbsent) {
         if (!port.is_optional()) report_missing(e, port, given == said.end() ? nullptr : given->second);
@@ -299,6 +369,11 @@ class Resolver {
       }
       if (port.direction == Direction::kIn) {
         pass.ports[port.name] = source.resource;
+      } else if (resource.history_of != kNoIndex) {
+        problems_.add(given->second->where,
+                      fmt::format("pass '{}': '{}' cannot change what was made in an earlier frame", pass.name,
+                                  port.name),
+                      to_toml(*given->second), fmt::format("\"{}\"", graph_.resources[resource.history_of].name));
       } else if (resource.producer == entry.pass) {
         problems_.add(given->second->where,
                       fmt::format("pass '{}': '{}' cannot change what it makes itself", pass.name, port.name),
@@ -510,6 +585,11 @@ class Resolver {
     const Source source = named_source("'output'", *written_.output);
     if (source.kind == Source::Kind::kUnknown) return;
     const std::string found = "output = " + to_toml(*written_.output);
+    if (source.kind == Source::Kind::kResource && graph_.resources[source.resource].history_of != kNoIndex) {
+      problems_.add(written_.output->where, "the graph's output is what this frame makes", found,
+                    fmt::format("\"{}\"", graph_.resources[graph_.resources[source.resource].history_of].name));
+      return;
+    }
     if (source.kind == Source::Kind::kAbsent) {
       problems_.add(written_.output->where, "nothing makes the graph's output", found,
                     "an image of a pass that is not left out");
@@ -528,8 +608,9 @@ class Resolver {
   /// Extent and format from the descriptor; a changed version is shaped as what it changes.
   void take_shape(ResourceIndex index) {
     Resource& resource = graph_.resources[index];
-    if (resource.producer == kNoIndex || !has_memory(resource.type)) return;
-    const ResourceIndex first = first_version(graph_, index);
+    const ResourceIndex shaped = resource.history_of != kNoIndex ? resource.history_of : index;
+    if (graph_.resources[shaped].producer == kNoIndex || !has_memory(resource.type)) return;
+    const ResourceIndex first = first_version(graph_, shaped);
     const Resource& made = graph_.resources[first];
     const Pass& pass = graph_.passes[made.producer];
     const Port& port = *pass.entry.technique->find_port(made.port);
@@ -566,6 +647,12 @@ class Resolver {
   std::vector<Entry> entries_;
   Presets presets_;
   std::map<std::string, Join, std::less<>> joins_;
+  struct AskedHistory {
+    ResourceIndex history = kNoIndex;
+    Location where;
+    std::string label, found;
+  };
+  std::vector<AskedHistory> histories_;
 };
 
 }  // namespace

@@ -85,6 +85,7 @@ struct Resource {
   PassIndex producer = kNoIndex;              // kNoIndex: the scene
   std::string port;                           // of the producer, or of the scene: "camera", "lights", "surfaces"
   ResourceIndex previous_version = kNoIndex;  // same memory for images and buffers, a changed copy for values
+  ResourceIndex history_of = kNoIndex;        // this is last frame's version of another; it has no producer then
   bool is_kept = false;
   // Shape; images and buffers only, filled from the descriptor by resolve and corrected by `declare` before alias.
   std::uint32_t format = 0, width = 0, height = 0, layers = 1, mips = 1;
@@ -114,6 +115,15 @@ struct Pass {
   bool is_pruned = false;
   std::string reason;                   // why it stays or goes, for explain
   std::vector<PassIndex> dependencies;  // passes that must run before it: producers of inputs, providers, their inputs
+  std::vector<PassIndex> past_dependencies;  // passes of which it reads what they made in earlier frames
+};
+
+/// A pass that repeats others, and what it repeats.
+struct GraphLoop {
+  PassIndex pass = kNoIndex;
+  std::vector<PassIndex> body;  // passes that see an overridden value, directly or not, and make what is gathered
+  std::vector<std::pair<ResourceIndex, ResourceIndex>> overrides;  // what the body would have read, what it reads
+  std::vector<ResourceIndex> gathers;
 };
 
 struct ResolvedGraph {
@@ -122,6 +132,7 @@ struct ResolvedGraph {
   ResourceIndex output = kNoIndex;
   std::vector<Pass> passes;  // file order
   std::vector<Resource> resources;
+  std::vector<GraphLoop> loops;    // of weave_loops
   std::vector<std::string> notes;  // e.g. "pass 'ao': technique none, its outputs are neutral"
 };
 
@@ -135,12 +146,19 @@ ResourceIndex find_resource(const ResolvedGraph& graph, std::string_view name);
 /// (`features`; their consumers then see neutral values: the port is removed from their `ports`). Says why for each.
 void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::span<const std::string> features);
 
+// ---- loops ----------------------------------------------------------------------------------------------------------
+/// After prune: finds the body of every loop and binds the body's inputs to the overriding values. Throws Error where
+/// two loops would repeat the same pass.
+void weave_loops(ResolvedGraph& graph);
+
 // ---- order ----------------------------------------------------------------------------------------------------------
 struct ScheduledStage {
   PassIndex pass = kNoIndex;
   std::uint32_t stage = 0;  // index into technique->stages
   StageKind kind = StageKind::kGpu;
   bool splits_submission = false;  // a cpu stage that reads what the GPU made this frame
+  bool is_read_back = false;       // only the copies of what the stage will read when its latency is over
+  bool runs_once = false;          // in a loop's body, but only in its first iteration: a stage with latency
   // What the stage touches, functions of its shaders' providers included; several accesses of one resource are merged.
   struct Use {
     ResourceIndex resource = kNoIndex;
@@ -150,8 +168,14 @@ struct ScheduledStage {
   };
   std::vector<Use> uses;
 };
+/// Stages [begin, end) run in each iteration of a loop, all others once.
+struct ScheduledLoop {
+  PassIndex pass = kNoIndex;
+  std::uint32_t begin = 0, end = 0;
+};
 struct Order {
   std::vector<ScheduledStage> stages;
+  std::vector<ScheduledLoop> loops;  // apart from each other, in order
 };
 /// One order for one graph: dependencies first, ties by the order in the file. Throws Error naming a cycle.
 Order order(const ResolvedGraph& graph);
@@ -164,6 +188,12 @@ struct OrderSet {
 OrderSet find_orders(const ResolvedGraph& graph, std::size_t most);
 /// The resource that owns the memory of a version: itself, or the first one of a chain of `inout` images or buffers.
 ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource);
+/// Images and buffers with a history that a stage reads: the memory of the newest (a first version) and the one of last
+/// frame's. The two change places when a frame begins.
+struct HistoryPair {
+  ResourceIndex newest = kNoIndex, history = kNoIndex;
+};
+std::vector<HistoryPair> history_pairs(const ResolvedGraph& graph, const Order& order);
 /// Every pass whose functions a shader (or function text) with these calls reaches, providers of providers included.
 std::vector<PassIndex> reached_providers(const ResolvedGraph& graph, PassIndex caller,
                                          std::span<const std::string> calls);
@@ -201,7 +231,8 @@ struct Barrier {
                 new_layout = VK_IMAGE_LAYOUT_UNDEFINED;  // equal for buffers: UNDEFINED
 };
 struct BarrierPlan {
-  std::vector<std::vector<Barrier>> before;  // for each scheduled stage
+  std::vector<std::vector<Barrier>> before;  // for each scheduled stage; in a loop: of its first iteration
+  std::vector<std::vector<Barrier>> again;   // for stages in loops: of all later iterations
   std::vector<Barrier> at_end;  // kept and wanted resources, to what the next frame's first use / read-back expects
   std::vector<VkImageLayout>
       first_layout;  // layout in which each resource enters a frame (UNDEFINED: contents not needed)

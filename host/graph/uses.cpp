@@ -68,6 +68,22 @@ void add_calls(std::vector<std::string>& calls, const std::vector<std::string>& 
     if (std::ranges::find(calls, role) == calls.end()) calls.push_back(role);
 }
 
+/// True for a port through which the technique sees nothing of this frame: only its stages with latency read it.
+bool is_late_port(const Technique& technique, std::string_view name) {
+  const Port* port = technique.find_port(name);
+  bool is_late = false;
+  for (const Stage& stage : technique.stages) {
+    for (const Access& access : stage.accesses) {
+      if (access.port != name) continue;
+      if (!stage.is_late(access, port->type)) return false;
+      is_late = true;
+    }
+  }
+  for (const Function& function : technique.functions)
+    if (std::ranges::find(function.accesses, name, &Access::port) != function.accesses.end()) return false;
+  return is_late;
+}
+
 }  // namespace
 
 void merge_use(std::vector<Use>& uses, const Use& use) {
@@ -91,6 +107,7 @@ std::vector<Use> own_uses(const ResolvedGraph& graph, PassIndex index, std::uint
     const auto bound = pass.ports.find(access.port);
     if (port == nullptr || bound == pass.ports.end()) continue;
     const ResourceIndex resource = bound->second;
+    if (technique.stages[stage].is_late(access, port->type)) continue;
     if (has_memory(port->type)) {
       const AccessInfo info = access_info(access.access, port->type, graph.resources[resource].format);
       const bool is_attachment = access.access == HEDDLE_ACCESS_COLOR || access.access == HEDDLE_ACCESS_DEPTH;
@@ -108,6 +125,18 @@ std::vector<Use> own_uses(const ResolvedGraph& graph, PassIndex index, std::uint
     const auto source = pass.inout_sources.find(access.port);
     if (writes && source != pass.inout_sources.end())
       merge_use(uses, make_use(source->second, access.access, true, false));
+  }
+  return uses;
+}
+
+std::vector<Use> late_uses(const ResolvedGraph& graph, PassIndex index, std::uint32_t stage_index) {
+  const Pass& pass = graph.passes[index];
+  const Stage& stage = pass.entry.technique->stages[stage_index];
+  std::vector<Use> uses;
+  for (const Access& access : stage.accesses) {
+    const auto bound = pass.ports.find(access.port);
+    if (bound == pass.ports.end() || !stage.is_late(access, graph.resources[bound->second].type)) continue;
+    merge_use(uses, make_use(bound->second, access.access, true, false));
   }
   return uses;
 }
@@ -161,7 +190,8 @@ std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex i
   const auto add = [&](PassIndex dependency) {
     if (dependency != kNoIndex && dependency != index) found.push_back(dependency);
   };
-  for (const auto& [name, resource] : pass.ports) add(graph.resources[resource].producer);
+  for (const auto& [name, resource] : pass.ports)
+    if (!is_late_port(*pass.entry.technique, name)) add(graph.resources[resource].producer);
   for (const auto& [name, resource] : pass.inout_sources) add(graph.resources[resource].producer);
   const std::vector<std::string> calls = all_calls(*pass.entry.technique);
   for (const PassIndex provider : reached_providers(graph, index, calls)) add(provider);
@@ -169,6 +199,38 @@ std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex i
   std::ranges::sort(found);
   found.erase(std::unique(found.begin(), found.end()), found.end());
   return found;
+}
+
+std::vector<PassIndex> find_past_dependencies(const ResolvedGraph& graph, PassIndex index) {
+  std::vector<PassIndex> found;
+  const Pass& pass = graph.passes[index];
+  for (const auto& [name, resource] : pass.ports) {
+    ResourceIndex newest = graph.resources[resource].history_of;
+    if (newest == kNoIndex && is_late_port(*pass.entry.technique, name)) newest = resource;
+    if (newest != kNoIndex && graph.resources[newest].producer != kNoIndex)
+      found.push_back(graph.resources[newest].producer);
+  }
+  std::ranges::sort(found);
+  found.erase(std::unique(found.begin(), found.end()), found.end());
+  return found;
+}
+
+bool is_kept(const ResolvedGraph& graph, ResourceIndex resource) {
+  return graph.resources[resource].is_kept || graph.resources[first_version(graph, resource)].is_kept;
+}
+
+std::vector<HistoryPair> history_pairs(const ResolvedGraph& graph, const Order& order) {
+  std::vector<bool> is_used(graph.resources.size(), false);
+  for (const ScheduledStage& stage : order.stages)
+    for (const Use& use : stage.uses) is_used[first_version(graph, use.resource)] = true;
+  std::vector<HistoryPair> pairs;
+  for (ResourceIndex r = 0; r < graph.resources.size(); ++r) {
+    const Resource& resource = graph.resources[r];
+    if (resource.history_of == kNoIndex || !has_memory(resource.type) || !is_used[r]) continue;
+    const ResourceIndex newest = first_version(graph, resource.history_of);
+    if (is_used[newest]) pairs.push_back({newest, r});
+  }
+  return pairs;
 }
 
 ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource) {

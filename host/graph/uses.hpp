@@ -9,8 +9,11 @@ namespace heddle::graph {
 /// Adds a use; several of one resource become one whose `access` has a layout that suits them all.
 void merge_use(std::vector<ScheduledStage::Use>& uses, const ScheduledStage::Use& use);
 
-/// Uses of a stage's own declared accesses. Absent optional inputs are left out.
+/// Uses of a stage's own declared accesses. Absent optional inputs are left out, and so is what late_uses answers.
 std::vector<ScheduledStage::Use> own_uses(const ResolvedGraph& graph, PassIndex pass, std::uint32_t stage);
+
+/// What a stage with latency reads of earlier frames: copied in each frame when it is made.
+std::vector<ScheduledStage::Use> late_uses(const ResolvedGraph& graph, PassIndex pass, std::uint32_t stage);
 
 /// What the functions of every provider reached by these calls touch, through the providers' own ports.
 std::vector<ScheduledStage::Use> function_uses(const ResolvedGraph& graph, PassIndex caller,
@@ -23,6 +26,11 @@ std::vector<std::string> all_calls(const Technique& technique);
 
 /// Producers of inputs, providers, and producers of what providers read; sorted, without the pass itself.
 std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex pass);
+/// Producers of what the pass reads of earlier frames, itself included; sorted.
+std::vector<PassIndex> find_past_dependencies(const ResolvedGraph& graph, PassIndex pass);
+
+/// True if the resource's contents last from frame to frame: kept by its technique, or a version of what is.
+bool is_kept(const ResolvedGraph& graph, ResourceIndex resource);
 
 /// True for images and buffers: what has memory, versions in place, and barriers.
 inline bool has_memory(PortType type) {

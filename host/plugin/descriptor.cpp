@@ -71,6 +71,7 @@ class DescriptorReader {
     technique.features = split_words(optional_text(source.features, "features"));
     technique.device_features = split_words(optional_text(source.device_features, "device_features"));
     technique.fallback = optional_text(source.fallback, "fallback");
+    if (source.loop != nullptr) technique.loop = read_loop(*source.loop, source.iterations != nullptr);
     finish();
     problems_ = broken_rules(technique, where_);
     finish();
@@ -166,6 +167,7 @@ class DescriptorReader {
     port.byte_size = source.byte_size;
     port.glsl = optional_text(source.glsl, "glsl");
     port.help = optional_text(source.help, "help");
+    port.previous_of = optional_text(source.previous_of, "previous_of");
     // A size that follows from parameters or inputs is set in declare; otherwise it stands here.
     if (port.direction == Direction::kOut && !may_declare) {
       const bool is_block = port.type == PortType::kBuffer || port.type == PortType::kValue;
@@ -218,6 +220,8 @@ class DescriptorReader {
     stage.name = text(source.name, "name");
     stage.kind = static_cast<StageKind>(source.kind);
     stage.accesses = read_accesses(source.accesses, source.access_count);
+    stage.latency = source.latency;
+    stage.loop_part = source.loop_part;
     return stage;
   }
 
@@ -242,6 +246,18 @@ class DescriptorReader {
     function.calls = split_words(optional_text(source.calls, "calls"));
     function.has_service = source.service != nullptr;
     return function;
+  }
+
+  Loop read_loop(const heddle_loop& given, bool has_iterations) {
+    const heddle_loop source = copy(&given, "loop", HEDDLE_BYTES_TO(heddle_loop, gathers));
+    Loop loop;
+    each(source.overrides, source.override_count, "overrides", HEDDLE_BYTES_TO(heddle_override, output),
+         [&](const heddle_override& one) {
+           loop.overrides.push_back({text(one.input, "input"), text(one.output, "output")});
+         });
+    loop.gathers = split_words(optional_text(source.gathers, "gathers"));
+    if (!has_iterations) complain("a loop without the function iterations");
+    return loop;
   }
 
   Location where_;

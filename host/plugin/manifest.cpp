@@ -16,12 +16,12 @@ namespace heddle {
 namespace {
 
 // Of the JSON; raised when a key is added, renamed or dropped.
-constexpr std::uint32_t kFormat = 1;
+constexpr std::uint32_t kFormat = 2;
 
 // Words of the enumerations, in the order of their values in plugin.h.
 constexpr std::array<std::string_view, 4> kPortTypes{"image", "buffer", "value", "surfaces"};
 constexpr std::array<std::string_view, 3> kDirections{"in", "out", "inout"};
-constexpr std::array<std::string_view, 3> kPortFlags{"optional", "kept", "cube"};
+constexpr std::array<std::string_view, 4> kPortFlags{"optional", "kept", "cube", "rewritten"};
 constexpr std::array<std::string_view, 2> kExtentRules{"frame", "absolute"};
 constexpr std::array<std::string_view, 7> kParameterTypes{"float", "int", "bool", "choice", "color", "float3", "names"};
 constexpr std::array<std::string_view, 3> kParameterFlags{"knob", "redeclare", "constant"};
@@ -30,6 +30,7 @@ constexpr std::array<std::string_view, 15> kAccesses{
     "sampled",   "sampled_linear", "storage_read",  "storage_write",  "storage_read_write",
     "color",     "depth",          "depth_read",    "value",          "draw",
     "host_read", "host_write",     "transfer_read", "transfer_write", "sampled_compare"};
+constexpr std::array<std::string_view, 3> kLoopParts{"outside", "before", "after"};
 constexpr std::array<std::string_view, 3> kLoads{"keep", "clear", "dont_care"};
 constexpr std::array<std::string_view, 3> kShaderKinds{"compute", "fullscreen", "surfaces"};
 
@@ -68,7 +69,8 @@ Json port_to_json(const Port& port) {
           {"mips", port.mips},
           {"byte_size", port.byte_size},
           {"glsl", port.glsl},
-          {"help", port.help}};
+          {"help", port.help},
+          {"previous_of", port.previous_of}};
 }
 
 Json parameter_to_json(const Parameter& parameter) {
@@ -98,7 +100,9 @@ Json accesses_to_json(const std::vector<Access>& accesses) {
 Json stage_to_json(const Stage& stage) {
   return {{"name", stage.name},
           {"kind", word_to_json(stage.kind, kStageKinds)},
-          {"accesses", accesses_to_json(stage.accesses)}};
+          {"accesses", accesses_to_json(stage.accesses)},
+          {"latency", stage.latency},
+          {"loop_part", word_to_json(stage.loop_part, kLoopParts)}};
 }
 
 Json shader_to_json(const Shader& shader) {
@@ -118,6 +122,13 @@ Json function_to_json(const Function& function) {
           {"accesses", accesses_to_json(function.accesses)},
           {"calls", function.calls},
           {"has_service", function.has_service}};
+}
+
+Json loop_to_json(const std::optional<Loop>& loop) {
+  if (!loop) return {};
+  Json overrides = Json::array();
+  for (const Loop::Override& one : loop->overrides) overrides.push_back({{"input", one.input}, {"output", one.output}});
+  return {{"overrides", overrides}, {"gathers", loop->gathers}};
 }
 
 template <typename T, typename ToJson>
@@ -149,6 +160,7 @@ class Node {
     if (found == value_->end()) fail(fmt::format("has no '{}'", key), "every key that the build writes");
     return {*found, path_ + "/" + key, *file_};
   }
+  [[nodiscard]] bool is_null() const { return value_->is_null(); }
   void only(std::initializer_list<std::string_view> keys) const {
     if (!value_->is_object()) fail("has the wrong type", "an object");
     for (const auto& [key, value] : value_->items()) {
@@ -236,7 +248,7 @@ class Node {
 
 Port read_port(const Node& node) {
   node.only({"name", "type", "direction", "flags", "format", "extent_rule", "extent_scale", "width", "height", "layers",
-             "mips", "byte_size", "glsl", "help"});
+             "mips", "byte_size", "glsl", "help", "previous_of"});
   Port port;
   node.at("name").read(port.name);
   node.at("type").read_word(port.type, kPortTypes);
@@ -252,6 +264,7 @@ Port read_port(const Node& node) {
   node.at("byte_size").read(port.byte_size);
   node.at("glsl").read(port.glsl);
   node.at("help").read(port.help);
+  node.at("previous_of").read(port.previous_of);
   return port;
 }
 
@@ -285,11 +298,13 @@ std::vector<Access> read_accesses(const Node& node) {
 }
 
 Stage read_stage(const Node& node) {
-  node.only({"name", "kind", "accesses"});
+  node.only({"name", "kind", "accesses", "latency", "loop_part"});
   Stage stage;
   node.at("name").read(stage.name);
   node.at("kind").read_word(stage.kind, kStageKinds);
   stage.accesses = read_accesses(node.at("accesses"));
+  node.at("latency").read(stage.latency);
+  node.at("loop_part").read_word(stage.loop_part, kLoopParts);
   return stage;
 }
 
@@ -318,9 +333,23 @@ Function read_function(const Node& node) {
   return function;
 }
 
+std::optional<Loop> read_loop(const Node& node) {
+  if (node.is_null()) return std::nullopt;
+  node.only({"overrides", "gathers"});
+  Loop loop;
+  for (const Node& element : node.at("overrides").elements()) {
+    element.only({"input", "output"});
+    Loop::Override& one = loop.overrides.emplace_back();
+    element.at("input").read(one.input);
+    element.at("output").read(one.output);
+  }
+  node.at("gathers").read(loop.gathers);
+  return loop;
+}
+
 Technique read_technique(const Node& node) {
   node.only({"id", "title", "source", "is_reference", "role_revision", "ports", "parameters", "stages", "shaders",
-             "functions", "features", "device_features", "fallback"});
+             "functions", "features", "device_features", "fallback", "loop"});
   Technique technique;
   node.at("id").read(technique.id);
   node.at("title").read(technique.title);
@@ -337,6 +366,7 @@ Technique read_technique(const Node& node) {
   node.at("features").read(technique.features);
   node.at("device_features").read(technique.device_features);
   node.at("fallback").read(technique.fallback);
+  technique.loop = read_loop(node.at("loop"));
   return technique;
 }
 
@@ -384,7 +414,8 @@ Json technique_to_json(const Technique& technique) {
           {"functions", list_to_json(technique.functions, function_to_json)},
           {"features", technique.features},
           {"device_features", technique.device_features},
-          {"fallback", technique.fallback}};
+          {"fallback", technique.fallback},
+          {"loop", loop_to_json(technique.loop)}};
 }
 
 std::string to_json(const Manifest& manifest) {

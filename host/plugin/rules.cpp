@@ -75,6 +75,7 @@ class Rules {
     for (const Stage& stage : technique_.stages) check_stage(stage);
     for (const Shader& shader : technique_.shaders) check_shader(shader);
     for (const Function& function : technique_.functions) check_function(function);
+    check_loop();
     check_outputs();
     return std::move(broken_);
   }
@@ -115,7 +116,7 @@ class Rules {
   void check_port(const Port& port) {
     check_name("port", port.name, port_names_);
     const std::string what = fmt::format("port '{}'", port.name);
-    check_flags(what, port.flags, HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE);
+    check_flags(what, port.flags, HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE | HEDDLE_PORT_REWRITTEN);
     bool is_known = check_choice(what, "type", static_cast<std::uint32_t>(port.type), HEDDLE_PORT_SURFACES);
     is_known = check_choice(what, "direction", static_cast<std::uint32_t>(port.direction), HEDDLE_INOUT) && is_known;
     is_known = check_choice(what, "extent_rule", port.extent_rule, HEDDLE_EXTENT_ABSOLUTE) && is_known;
@@ -125,6 +126,10 @@ class Rules {
       complain(what + ": an output cannot be HEDDLE_PORT_OPTIONAL");
     }
     if (port.is_kept() && port.direction == Direction::kIn) complain(what + ": an input cannot be HEDDLE_PORT_KEPT");
+    if ((port.flags & HEDDLE_PORT_REWRITTEN) != 0 && !port.is_kept()) {
+      complain(what + ": HEDDLE_PORT_REWRITTEN is for outputs that are HEDDLE_PORT_KEPT");
+    }
+    if (!port.previous_of.empty()) check_history(port, what);
     if ((port.flags & HEDDLE_PORT_CUBE) != 0 &&
         (!is_image || (port.direction == Direction::kOut && port.layers % 6 != 0))) {
       complain(what + ": HEDDLE_PORT_CUBE needs an image with layers in sixes", fmt::format("{} layers", port.layers));
@@ -143,6 +148,16 @@ class Rules {
     if (port.layers == 0 || port.mips == 0) complain(what + ": no layers or no mips");
     if (!port.glsl.empty() && port.type != PortType::kBuffer && port.type != PortType::kValue) {
       complain(what + ": glsl belongs to buffers and values");
+    }
+  }
+
+  void check_history(const Port& port, const std::string& what) {
+    const Port* newest = technique_.find_port(port.previous_of);
+    const bool is_block = port.type == PortType::kImage || port.type == PortType::kBuffer;
+    if (newest == nullptr || newest->direction == Direction::kIn || newest->type != port.type ||
+        port.direction != Direction::kIn || port.type == PortType::kSurfaces || (is_block && !newest->is_kept())) {
+      complain(what + ": previous_of names nothing that it could read", fmt::format("\"{}\"", port.previous_of),
+               "for an input: an output of its type, images and buffers HEDDLE_PORT_KEPT");
     }
   }
 
@@ -248,6 +263,19 @@ class Rules {
                                                : "no HOST_READ and no HOST_WRITE in a gpu stage");
       }
     }
+    check_latency(stage, what);
+  }
+
+  void check_latency(const Stage& stage, const std::string& what) {
+    if (stage.latency == 0) return;
+    const bool reads = std::any_of(stage.accesses.begin(), stage.accesses.end(), [&](const Access& access) {
+      const Port* port = technique_.find_port(access.port);
+      return port != nullptr && stage.is_late(access, port->type);
+    });
+    if (stage.latency > HEDDLE_MOST_LATENCY || stage.kind != StageKind::kCpu || !reads) {
+      complain(what + ": latency has no meaning here", fmt::format("{}", stage.latency),
+               fmt::format("1 to {}, in a cpu stage with HOST_READ of an image or buffer", HEDDLE_MOST_LATENCY));
+    }
   }
 
   void check_calls(const std::string& what, const std::vector<std::string>& calls) {
@@ -302,6 +330,65 @@ class Rules {
       }
     }
     check_calls(what, function.calls);
+  }
+
+  // Overridden values go out before the body, gathered inputs come in after it.
+  void check_loop() {
+    std::uint32_t last_part = HEDDLE_LOOP_OUTSIDE;
+    std::array<std::uint32_t, HEDDLE_LOOP_AFTER + 1> counts{};
+    for (const Stage& stage : technique_.stages) {
+      const std::string what = fmt::format("stage '{}'", stage.name);
+      if (!check_choice(what, "loop_part", stage.loop_part, HEDDLE_LOOP_AFTER)) return;
+      ++counts[stage.loop_part];
+      if (stage.loop_part == HEDDLE_LOOP_OUTSIDE) {
+        if (last_part == HEDDLE_LOOP_BEFORE) complain(what + " stands between the parts of an iteration");
+        continue;
+      }
+      if (!technique_.loop) complain(what + " is part of a loop, and the technique has none");
+      if (stage.loop_part < last_part) complain(what + " stands behind the stages that gather");
+      last_part = stage.loop_part;
+    }
+    if (!technique_.loop) return;
+    const Loop& loop = *technique_.loop;
+    if (loop.overrides.empty() || loop.gathers.empty() || counts[HEDDLE_LOOP_BEFORE] == 0 ||
+        counts[HEDDLE_LOOP_AFTER] == 0) {
+      complain("its loop overrides or gathers nothing", {},
+               "an override set by a stage HEDDLE_LOOP_BEFORE, and a gathered input of a stage HEDDLE_LOOP_AFTER");
+    }
+    for (const Loop::Override& one : loop.overrides) {
+      const Port* input = technique_.find_port(one.input);
+      const Port* output = technique_.find_port(one.output);
+      if (input == nullptr || output == nullptr || input->type != PortType::kValue ||
+          output->type != PortType::kValue || input->direction != Direction::kIn ||
+          output->direction != Direction::kOut || !is_touched(one.output, HEDDLE_LOOP_BEFORE)) {
+        complain(fmt::format("its loop cannot override '{}' by '{}'", one.input, one.output), {},
+                 "two values: an input, and an output that a stage HEDDLE_LOOP_BEFORE sets");
+      }
+    }
+    for (const std::string& name : loop.gathers) {
+      const Port* port = technique_.find_port(name);
+      const bool has_memory = port != nullptr && (port->type == PortType::kImage || port->type == PortType::kBuffer);
+      if (!has_memory || port->direction == Direction::kOut || !is_touched(name, HEDDLE_LOOP_AFTER)) {
+        complain(fmt::format("its loop cannot gather '{}'", name), {},
+                 "an image or buffer that goes in, and that a stage HEDDLE_LOOP_AFTER reads");
+      }
+    }
+    for (const Stage& stage : technique_.stages) {
+      if (stage.loop_part != HEDDLE_LOOP_AFTER) continue;
+      for (const Access& access : stage.accesses) {
+        const Port* port = technique_.find_port(access.port);
+        if (port != nullptr && is_write(access.access) && port->direction == Direction::kOut && !port->is_kept()) {
+          complain(fmt::format("stage '{}' gathers into '{}', which is not HEDDLE_PORT_KEPT", stage.name, access.port));
+        }
+      }
+    }
+  }
+
+  [[nodiscard]] bool is_touched(std::string_view port, std::uint32_t loop_part) const {
+    return std::any_of(technique_.stages.begin(), technique_.stages.end(), [&](const Stage& stage) {
+      return stage.loop_part == loop_part && std::any_of(stage.accesses.begin(), stage.accesses.end(),
+                                                         [&](const Access& access) { return access.port == port; });
+    });
   }
 
   // What nobody writes would be handed on as garbage.

@@ -91,6 +91,7 @@ struct Port {
   std::uint64_t byte_size = 0;
   std::string glsl;  // filled from the role when the descriptor has none
   std::string help;
+  std::string previous_of;  // an output of the same technique
   [[nodiscard]] bool is_optional() const { return (flags & HEDDLE_PORT_OPTIONAL) != 0; }
   [[nodiscard]] bool is_kept() const { return (flags & HEDDLE_PORT_KEPT) != 0; }
   bool operator==(const Port&) const = default;
@@ -127,6 +128,13 @@ struct Stage {
   std::string name;
   StageKind kind = StageKind::kGpu;
   std::vector<Access> accesses;
+  std::uint32_t latency = 0;    // frames; cpu stages
+  std::uint32_t loop_part = 0;  // HEDDLE_LOOP_*
+  /// True for an access that reads what the GPU made some frames ago.
+  [[nodiscard]] bool is_late(const Access& access, PortType type) const {
+    return latency > 0 && access.access == HEDDLE_ACCESS_HOST_READ &&
+           (type == PortType::kImage || type == PortType::kBuffer);
+  }
   bool operator==(const Stage&) const = default;
 };
 
@@ -150,6 +158,17 @@ struct Function {
   bool operator==(const Function&) const = default;
 };
 
+/// What a technique that repeats other passes gives them and takes from them, by ports.
+struct Loop {
+  struct Override {
+    std::string input, output;
+    bool operator==(const Override&) const = default;
+  };
+  std::vector<Override> overrides;
+  std::vector<std::string> gathers;
+  bool operator==(const Loop&) const = default;
+};
+
 struct Technique {
   std::string id;  // "ambient_occlusion/gtao"
   std::string title;
@@ -164,6 +183,7 @@ struct Technique {
   std::vector<std::string> features;
   std::vector<std::string> device_features;
   std::string fallback;
+  std::optional<Loop> loop;
 
   [[nodiscard]] std::string_view role_name() const { return std::string_view(id).substr(0, id.find('/')); }
   [[nodiscard]] std::string_view name() const { return std::string_view(id).substr(id.find('/') + 1); }

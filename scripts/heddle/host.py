@@ -384,12 +384,14 @@ class Graph(_Object):
         self._check(_heddle.heddle_graph_set(self._handle, setting.encode()))
 
     def render(self, scene: Scene, time: float | None = None, time_step: float = 0.0, seed: int = 0, cut: bool = False,
-               profile: bool = False) -> None:
+               profile: bool = False, anew: bool = False) -> None:
         """Renders one frame and waits for it, with what animations move posed at `time` in seconds (None: the time of
-        the last Scene.set_time or frame, at first 0). profile: stage by stage, timed one by one."""
+        the last Scene.set_time or frame, at first 0). profile: stage by stage, timed one by one.
+
+        A graph whose loops are complete (supersampling) submits nothing while nothing changes; anew: it does."""
         time = scene._time if time is None else float(time)
-        options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), c.RENDER_PROFILE if profile else 0, time, time_step,
-                                  seed, int(cut), 0)
+        flags = (c.RENDER_PROFILE if profile else 0) | (c.RENDER_ANEW if anew else 0)
+        options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), flags, time, time_step, seed, int(cut), 0)
         self._check(_heddle.heddle_render(self._handle, scene._handle, ctypes.byref(options)))
         scene._time = time
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every graph that comes with Heddle, and every technique in the default one: the check finds nothing in three frames,
+// Every graph that comes with Heddle, and every technique in the default one: the check finds nothing in several frames,
 // bytes depend neither on the order nor on memory, and each single barrier is needed: whichever is taken away or
 // weakened in the recorded stream, the hazard checker misses it.
 #include "graph/execute.hpp"
@@ -57,6 +57,13 @@ scene::Scene small_scene() {
   return made;
 }
 
+/// All frames are rendered: loops begin anew in each.
+graph::FrameOptions anew() {
+  graph::FrameOptions options;
+  options.anew = true;
+  return options;
+}
+
 struct Variant {
   std::string name, file;
   std::vector<std::string> settings;
@@ -93,9 +100,12 @@ class ShippedGraph : public testing::TestWithParam<Variant> {
   scene::Scene scene_;
 };
 
-TEST_P(ShippedGraph, ThreeFramesHaveNoHazardAndNoWrongNumber) {
+TEST_P(ShippedGraph, FramesHaveNoHazardAndNoWrongNumber) {
   graph::Executor executor(services_, resolved());
-  for (int frame = 0; frame < 3; ++frame) EXPECT_NO_THROW(executor.render(scene_, {}));
+  for (int frame = 0; frame < 3; ++frame) EXPECT_NO_THROW(executor.render(scene_, anew()));
+  // Loops go on where they were, or are complete; then they begin anew.
+  for (int frame = 0; frame < 2; ++frame) EXPECT_NO_THROW(executor.render(scene_, {}));
+  EXPECT_NO_THROW(executor.render(scene_, anew()));
 }
 
 TEST_P(ShippedGraph, BytesDependNeitherOnTheOrderNorOnMemory) {
@@ -135,7 +145,7 @@ std::vector<Diagnostic> found_in(const hazard::Stream& stream) {
 
 TEST_P(ShippedGraph, EveryBarrierIsMissedWhenItIsTakenAwayOrWeakened) {
   graph::Executor executor(services_, resolved());
-  for (int frame = 0; frame < 3; ++frame) executor.render(scene_, {});
+  for (int frame = 0; frame < 3; ++frame) executor.render(scene_, anew());
   hazard::Stream stream = device_.recorder()->stream();
   const graph::ResolvedGraph& rendered = executor.graph();
   add_read_backs(stream, rendered.resources[rendered.output].name);
@@ -201,11 +211,11 @@ TEST_P(ShippedGraph, EveryBarrierIsMissedWhenItIsTakenAwayOrWeakened) {
                                                  }) -
                                     stream.events.begin());
   };
-  // Frames end with a fence, which makes what they wrote available; and a stage that is kept records nothing behind its
-  // barriers. So the accesses of a barrier can only be missed where something of this frame is written before it, or
-  // touched behind it until the object's next barrier.
+  // Frames and iterations of loops end with a fence, which makes what they wrote available; and a stage that is kept
+  // records nothing behind its barriers. So the accesses of a barrier can only be missed where something of this
+  // submission is written before it, or touched behind it until the object's next barrier.
   const auto is_written_before = [&](std::size_t e, hazard::ObjectIndex object) {
-    for (std::size_t b = frame_starts(1); b < e; ++b)
+    for (std::size_t b = e; b-- > 0 && stream.events[b].kind != hazard::Event::Kind::kWait;)
       for (const hazard::Touch& touch : stream.events[b].touches)
         if (touch.object == object && hazard::is_write(touch.access)) return true;
     return false;
@@ -255,7 +265,11 @@ INSTANTIATE_TEST_SUITE_P(
                     Variant{"no_ao", "deferred.toml", {"ao.technique=none"}},
                     Variant{"no_sky", "deferred.toml", {"sky.technique=none"}},
                     Variant{"no_shadow", "deferred.toml", {"shadow.technique=none", "contact.technique=none"}},
-                    Variant{"float32", "deferred.toml", {"gbuffer.params.precision=float32"}}),
+                    Variant{"float32", "deferred.toml", {"gbuffer.params.precision=float32"}},
+                    Variant{"supersampled", "supersampled.toml", {"aa.params.samples=2"}},
+                    Variant{"progressive",
+                            "supersampled.toml",
+                            {"aa.params.samples=3", "aa.params.mode=progressive"}}),
     [](const auto& tested) { return tested.param.name; });
 
 }  // namespace

@@ -201,6 +201,46 @@ TEST(Barriers, KeepTheLayoutOfKeptImagesFromFrameToFrame) {
             VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT);
 }
 
+TEST(Barriers, LetTwoMemoriesTakeTurnsForAHistory) {
+  SyntheticGraph made;
+  const PassIndex average = made.pass("average"), use = made.pass("use");
+  const ResourceIndex a = made.image(average, "a", HEDDLE_PORT_KEPT);
+  const ResourceIndex past = made.history(a);
+  made.input(average, "past", past);
+  made.gpu(average, "main", {touch("past", HEDDLE_ACCESS_SAMPLED), touch("a", HEDDLE_ACCESS_STORAGE_WRITE)});
+  made.input(use, "a", a);
+  made.gpu(use, "main", {touch("a", HEDDLE_ACCESS_SAMPLED)}, ShaderKind::kFullscreen);
+  const Planned planned = expect_proven(made, {});
+  // What is written now was read last frame; what is read now was read at the last frame's end, in the same layout.
+  EXPECT_EQ(planned.plan.first_layout[a], VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL);
+  EXPECT_EQ(planned.plan.first_layout[past], VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL);
+  ASSERT_EQ(planned.plan.before[0].size(), 1U);
+  EXPECT_EQ(planned.plan.before[0][0].resource, a);
+  EXPECT_EQ(planned.plan.before[0][0].source_stages,
+            VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT | VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT);
+  EXPECT_EQ(planned.placement.offset[past], Placement::kOwnMemory);
+}
+
+TEST(Barriers, CoverHistoriesOfAttachmentsAndBuffersAcrossFrames) {
+  for (const bool reads_first : {true, false}) {
+    SyntheticGraph made;
+    const PassIndex early = reads_first ? made.pass("early") : kNoIndex;
+    const PassIndex draw = made.pass("draw"), counter = made.pass("counter");
+    const PassIndex late = reads_first ? early : made.pass("late");
+    const ResourceIndex color = made.image(draw, "color", HEDDLE_PORT_KEPT);
+    made.gpu(draw, "main", {touch("color", HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_CLEAR)}, ShaderKind::kSurfaces);
+    const ResourceIndex counts = made.buffer(counter, "counts", HEDDLE_PORT_KEPT);
+    made.gpu(counter, "main", {touch("counts", HEDDLE_ACCESS_STORAGE_WRITE)});
+    made.input(late, "color", made.history(color));
+    made.input(late, "counts", made.history(counts));
+    made.gpu(late, "main",
+             {touch("color", HEDDLE_ACCESS_SAMPLED_LINEAR), touch("counts", HEDDLE_ACCESS_STORAGE_READ)},
+             ShaderKind::kFullscreen);
+    const Planned planned = expect_proven(made, {color});
+    EXPECT_GE(count(planned.plan), 5U);
+  }
+}
+
 TEST(Barriers, NeverDiscardKeptContents) {
   SyntheticGraph made;
   const PassIndex table = made.pass("table"), use = made.pass("use");
@@ -290,16 +330,28 @@ TEST(Barriers, CoverGraphsMadeByChance) {
           accesses.push_back(touch(port, HEDDLE_ACCESS_STORAGE_READ_WRITE));
         }
       }
-      const std::uint32_t flags = random() % 5 == 0 ? HEDDLE_PORT_KEPT : 0;
+      const std::uint32_t flags = random() % 3 == 0 ? HEDDLE_PORT_KEPT : 0;
       const bool is_buffer = random() % 4 == 0;
       made_here.push_back(is_buffer ? made.buffer(p, "out", flags) : made.image(p, "out", flags));
+      // Histories of the own output, and of an older kept one.
+      for (const ResourceIndex kept : {made_here.back(), newest.empty() ? made_here.back() : newest.front()}) {
+        const std::string port = "past" + std::to_string(kept);
+        const bool has_history = std::ranges::any_of(
+            made.graph.resources, [&](const Resource& r) { return r.history_of == kept; });
+        if (!made.graph.resources[kept].is_kept || has_history || random() % 2 == 0) continue;
+        made.input(p, port, made.history(kept));
+        accesses.push_back(touch(port, is_cpu ? HEDDLE_ACCESS_HOST_READ
+                                       : made.graph.resources[kept].type == PortType::kBuffer
+                                           ? HEDDLE_ACCESS_STORAGE_READ
+                                           : kReads[random() % kReads.size()]));
+      }
       accesses.push_back(touch("out",
                                is_cpu      ? HEDDLE_ACCESS_HOST_WRITE
                                : is_buffer ? HEDDLE_ACCESS_STORAGE_WRITE
                                            : kWrites[random() % kWrites.size()],
                                HEDDLE_LOAD_CLEAR));
       if (is_cpu) {
-        made.cpu(p, "main", accesses);
+        made.cpu(p, "main", accesses, random() % 2);
       } else {
         made.gpu(p, "main", accesses, kKinds[random() % kKinds.size()]);
       }

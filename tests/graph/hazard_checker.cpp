@@ -55,16 +55,31 @@ class Player {
         wanted_(wanted),
         memory_(graph.resources.size()) {}
 
-  std::vector<std::string> play(std::uint32_t frames) {
+  std::vector<std::string> play(std::uint32_t frames, std::uint32_t iterations) {
     for (ResourceIndex r = 0; r < memory_.size(); ++r)
       if (is_kept(r)) memory_[r] = {plan_.first_layout[r], true, {}};
+    find_turns();
     for (frame_ = 0; frame_ < frames; ++frame_) {
+      if (frame_ > 0)
+        for (const auto& [newest, history] : turns_) std::swap(memory_[newest], memory_[history]);
+      where_ = "start";
+      for (ResourceIndex r = 0; r < memory_.size(); ++r)
+        if (is_kept(r) && is_used_.contains(r) && memory_[r].layout != plan_.first_layout[r])
+          complain(r, "starts the frame in another layout than the plan says");
       for (ResourceIndex r = 0; r < memory_.size(); ++r)
         if (!is_kept(r)) memory_[r].is_defined = false;
-      for (std::size_t s = 0; s < order_.stages.size(); ++s) {
-        where_ = graph_.passes[order_.stages[s].pass].name + " stage " + std::to_string(s);
-        for (const Barrier& barrier : plan_.before[s]) apply(barrier);
-        for (const auto& [resource, touch] : touches(order_.stages[s])) access(resource, touch);
+      for (std::uint32_t s = 0; s < order_.stages.size(); ++s) {
+        const auto loop = std::ranges::find(order_.loops, s, &ScheduledLoop::begin);
+        if (loop == order_.loops.end()) {
+          run(s, plan_.before[s]);
+          continue;
+        }
+        for (std::uint32_t i = 0; i < iterations; ++i) {
+          if (i > 0) begin_iteration(*loop);
+          for (s = loop->begin; s < loop->end; ++s)
+            if (i == 0 || !order_.stages[s].runs_once) run(s, i == 0 ? plan_.before[s] : plan_.again[s]);
+        }
+        s = loop->end - 1;
       }
       where_ = "end";
       for (const Barrier& barrier : plan_.at_end) apply(barrier);
@@ -79,14 +94,26 @@ class Player {
         touch.layouts = {VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL};
         access(r, touch);
       }
-      for (ResourceIndex r = 0; r < memory_.size(); ++r)
-        if (is_kept(r) && is_used_.contains(r) && memory_[r].layout != plan_.first_layout[r])
-          complain(r, "ends the frame in another layout than the next one expects");
     }
     return hazards_;
   }
 
  private:
+  void run(std::uint32_t s, const std::vector<Barrier>& barriers) {
+    where_ = graph_.passes[order_.stages[s].pass].name + " stage " + std::to_string(s);
+    for (const Barrier& barrier : barriers) apply(barrier);
+    for (const auto& [resource, touch] : touches(order_.stages[s])) access(resource, touch);
+  }
+  /// What was made in an iteration is not there in the next, unless it is kept or made only once.
+  void begin_iteration(const ScheduledLoop& loop) {
+    std::set<ResourceIndex> made;
+    std::set<ResourceIndex> stays;
+    for (std::uint32_t s = loop.begin; s < loop.end; ++s)
+      for (const auto& [resource, touch] : touches(order_.stages[s]))
+        if (touch.writes != 0) (order_.stages[s].runs_once ? stays : made).insert(resource);
+    for (const ResourceIndex r : made)
+      if (!is_kept(r) && !stays.contains(r)) memory_[r].is_defined = false;
+  }
   [[nodiscard]] bool has_bytes(ResourceIndex r) const {
     return graph_.resources[r].type == PortType::kImage || graph_.resources[r].type == PortType::kBuffer;
   }
@@ -99,6 +126,14 @@ class Player {
     for (ResourceIndex v = 0; v < graph_.resources.size(); ++v)
       if (graph_.resources[v].is_kept && root(v) == r) return true;
     return false;
+  }
+  /// Pairs of memories that change places between frames: the newest, and last frame's that somebody reads.
+  void find_turns() {
+    for (const ScheduledStage& scheduled : order_.stages) static_cast<void>(touches(scheduled));
+    for (ResourceIndex r = 0; r < graph_.resources.size(); ++r) {
+      const ResourceIndex newest = graph_.resources[r].history_of;
+      if (newest != kNoIndex && has_bytes(r) && is_used_.contains(r)) turns_.emplace_back(root(newest), r);
+    }
   }
   [[nodiscard]] bool shares_bytes(ResourceIndex a, ResourceIndex b) const {
     if (a == b) return true;
@@ -190,7 +225,13 @@ class Player {
     const Technique& technique = *pass.entry.technique;
     const Stage& stage = technique.stages[scheduled.stage];
     const Stages shaders = shader_stages(technique, stage);
-    for (const Access& access : stage.accesses) add(list, pass, access, shaders);
+    for (const Access& access : stage.accesses) {
+      const auto bound = pass.ports.find(access.port);
+      if (bound == pass.ports.end()) continue;
+      // A stage with latency reads the host's copies; only making them touches the memory.
+      const bool is_copied = stage.latency > 0 && access.access == HEDDLE_ACCESS_HOST_READ && has_bytes(bound->second);
+      if (is_copied == scheduled.is_read_back) add(list, pass, access, shaders);
+    }
     for (const Shader& shader : technique.shaders)
       if (shader.stage == stage.name) add_functions(list, pass, shader.calls, shaders, 0);
     for (const auto& [resource, touch] : list) is_used_.insert(resource);
@@ -286,6 +327,7 @@ class Player {
   std::vector<Memory> memory_;
   std::vector<std::string> hazards_;
   std::set<ResourceIndex> is_used_;
+  std::vector<std::pair<ResourceIndex, ResourceIndex>> turns_;
   std::string where_;
   std::uint32_t frame_ = 0;
 };
@@ -294,25 +336,36 @@ class Player {
 
 std::vector<std::string> find_hazards(const ResolvedGraph& graph, const Order& order, std::span<const MemoryNeed> needs,
                                       const Placement& placement, const BarrierPlan& plan,
-                                      std::span<const ResourceIndex> wanted, std::uint32_t frames) {
-  return Player(graph, order, needs, placement, plan, wanted).play(frames);
+                                      std::span<const ResourceIndex> wanted, std::uint32_t frames,
+                                      std::uint32_t iterations) {
+  return Player(graph, order, needs, placement, plan, wanted).play(frames, iterations);
 }
 
 std::vector<std::string> find_needless_barriers(const ResolvedGraph& graph, const Order& order,
                                                 std::span<const MemoryNeed> needs, const Placement& placement,
                                                 const BarrierPlan& plan, std::span<const ResourceIndex> wanted) {
+  const auto is_proven = [&](const BarrierPlan& tried) {
+    for (const std::uint32_t iterations : {1U, 2U, 3U}) {
+      if (!find_hazards(graph, order, needs, placement, tried, wanted, 3, iterations).empty()) return false;
+      if (order.loops.empty()) break;
+    }
+    return true;
+  };
   std::vector<std::string> needless;
-  for (std::size_t s = 0; s <= plan.before.size(); ++s) {
-    const std::size_t count = s < plan.before.size() ? plan.before[s].size() : plan.at_end.size();
-    for (std::size_t b = 0; b < count; ++b) {
-      BarrierPlan poorer = plan;
-      std::vector<Barrier>& list = s < plan.before.size() ? poorer.before[s] : poorer.at_end;
+  BarrierPlan poorer = plan;
+  const auto try_without = [&](std::vector<Barrier>& list, const std::string& where) {
+    for (std::size_t b = 0; b < list.size(); ++b) {
       const Barrier removed = list[b];
       list.erase(list.begin() + static_cast<std::ptrdiff_t>(b));
-      if (find_hazards(graph, order, needs, placement, poorer, wanted).empty())
-        needless.push_back("before stage " + std::to_string(s) + ": '" + graph.resources[removed.resource].name + "'");
+      if (is_proven(poorer)) needless.push_back(where + ": '" + graph.resources[removed.resource].name + "'");
+      list.insert(list.begin() + static_cast<std::ptrdiff_t>(b), removed);
     }
-  }
+  };
+  for (std::size_t s = 0; s < plan.before.size(); ++s)
+    try_without(poorer.before[s], "before stage " + std::to_string(s));
+  for (std::size_t s = 0; s < plan.again.size(); ++s)
+    try_without(poorer.again[s], "again before stage " + std::to_string(s));
+  try_without(poorer.at_end, "at the end");
   return needless;
 }
 

@@ -11,9 +11,11 @@ namespace heddle::graph::testing {
 /// Strict: a barrier counts only for the memory of its own resource, although its execution part would order more.
 std::vector<std::string> find_hazards(const ResolvedGraph& graph, const Order& order, std::span<const MemoryNeed> needs,
                                       const Placement& placement, const BarrierPlan& plan,
-                                      std::span<const ResourceIndex> wanted, std::uint32_t frames = 3);
+                                      std::span<const ResourceIndex> wanted, std::uint32_t frames = 3,
+                                      std::uint32_t iterations = 1);
 
-/// Removes each barrier of the plan in turn; answers the ones that nobody missed.
+/// Removes each barrier of the plan in turn; answers the ones that nobody missed, in frames of one, two and three
+/// iterations of each loop.
 std::vector<std::string> find_needless_barriers(const ResolvedGraph& graph, const Order& order,
                                                 std::span<const MemoryNeed> needs, const Placement& placement,
                                                 const BarrierPlan& plan, std::span<const ResourceIndex> wanted);

@@ -86,6 +86,42 @@ TEST(Order, RunsProvidersAndWhatTheyReadBeforeCallers) {
               ::testing::ElementsAre(outer, inner));
 }
 
+TEST(Order, LetsAStageWithLatencyRunBeforeWhatItReadsIsMade) {
+  SyntheticGraph made;
+  const PassIndex manager = made.pass("manager"), draw = made.pass("draw"), paint = made.pass("paint");
+  const ResourceIndex pages = made.value(manager, "pages");
+  made.input(draw, "pages", pages);
+  const ResourceIndex feedback = made.buffer(draw, "feedback");
+  made.gpu(draw, "main", {touch("pages", HEDDLE_ACCESS_VALUE), touch("feedback", HEDDLE_ACCESS_STORAGE_WRITE)});
+  made.input(manager, "feedback", feedback);
+  made.cpu(manager, "update", {touch("feedback", HEDDLE_ACCESS_HOST_READ), touch("pages", HEDDLE_ACCESS_VALUE)});
+  made.change(paint, "feedback", feedback);
+  made.gpu(paint, "main", {touch("feedback", HEDDLE_ACCESS_STORAGE_READ_WRITE)});
+  EXPECT_THROW(order(made.graph), Error);  // without latency each waits for the other
+  made.delay(manager, 0, 2);
+  const Order result = order(made.graph);
+  EXPECT_EQ(made.text(result), "manager.update draw.main manager.update paint.main");
+  EXPECT_FALSE(result.stages[0].is_read_back);
+  EXPECT_TRUE(result.stages[2].is_read_back);  // before it is changed in place
+  for (const ScheduledStage& stage : result.stages) EXPECT_FALSE(stage.splits_submission);
+  ASSERT_EQ(result.stages[0].uses.size(), 1U);
+  EXPECT_EQ(result.stages[0].uses[0].resource, pages);
+  ASSERT_EQ(result.stages[2].uses.size(), 1U);
+  EXPECT_EQ(result.stages[2].uses[0].resource, feedback);
+}
+
+TEST(Order, SeesNoCycleInWhatIsReadOfTheLastFrame) {
+  SyntheticGraph made;
+  const PassIndex light = made.pass("light"), probes = made.pass("probes");
+  const ResourceIndex radiance = made.image(light, "radiance");
+  const ResourceIndex field = made.image(probes, "field", HEDDLE_PORT_KEPT);
+  made.input(light, "field", made.history(field));
+  made.gpu(light, "main", {touch("field", HEDDLE_ACCESS_SAMPLED), touch("radiance", HEDDLE_ACCESS_STORAGE_WRITE)});
+  made.input(probes, "radiance", radiance);
+  made.gpu(probes, "main", {touch("radiance", HEDDLE_ACCESS_SAMPLED), touch("field", HEDDLE_ACCESS_STORAGE_WRITE)});
+  EXPECT_EQ(made.text(order(made.graph)), "light.main probes.main");
+}
+
 TEST(Order, MergesSeveralAccessesOfOneResource) {
   SyntheticGraph made;
   const PassIndex source = made.pass("source"), contact = made.pass("contact"), caller = made.pass("caller");

@@ -232,6 +232,28 @@ Technique deferred() {
   return t;
 }
 
+Technique supersampled() {
+  Technique t = technique("antialiasing/supersampled");
+  Port camera = port("sample_camera", PortType::kValue, Direction::kOut);
+  camera.byte_size = sizeof(HeddleView);
+  camera.glsl = "HeddleView sample_camera;";
+  t.ports = {port("radiance", PortType::kImage, Direction::kInout), value_in("camera"), camera,
+             image_out("mean", VK_FORMAT_R32G32B32A32_SFLOAT, HEDDLE_PORT_KEPT)};
+  t.parameters = {parameter("samples", ParameterType::kInt, "1", 1, 65536, 16)};
+  t.stages = {
+      {"move", StageKind::kCpu, {value("camera"), value("sample_camera")}, 0, HEDDLE_LOOP_BEFORE},
+      {"accumulate",
+       StageKind::kGpu,
+       {sampled("radiance"), touch("mean", HEDDLE_ACCESS_STORAGE_READ_WRITE)},
+       0,
+       HEDDLE_LOOP_AFTER},
+      {"resolve", StageKind::kGpu, {sampled("mean"), touch("radiance", HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_DONT_CARE)}}};
+  t.shaders = {shader("accumulate", ShaderKind::kCompute, "accumulate"),
+               shader("resolve", ShaderKind::kFullscreen, "resolve")};
+  t.loop = Loop{{{"camera", "sample_camera"}}, {"radiance"}};
+  return t;
+}
+
 Technique display() {
   Technique t = technique("display/linear");
   t.ports = {image_in("radiance"), image_out("color", VK_FORMAT_R8G8B8A8_UNORM)};
@@ -278,7 +300,7 @@ PluginFolder::PluginFolder() {
   if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
   folder_ = pattern;
   for (const Technique& t : {sky_procedural(), sky_uniform(), gbuffer_raster(), gtao(), ray_traced(), shadow_map(),
-                             ray_marched_screen(), ggx(), deferred(), display(), paint_dots()}) {
+                             ray_marched_screen(), ggx(), deferred(), supersampled(), display(), paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());

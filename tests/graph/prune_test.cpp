@@ -117,6 +117,49 @@ TEST(Prune, RefusesToReadWhatALaterPassChangesInPlace) {
   EXPECT_NO_THROW(prune(made.graph, std::array{a}, {}));  // then nobody changes it
 }
 
+TEST(Prune, KeepsWhatMadeTheHistoryThatIsRead) {
+  SyntheticGraph made;
+  const PassIndex late = made.pass("late"), show = made.pass("show");
+  const ResourceIndex a = made.image(late, "a", HEDDLE_PORT_KEPT);
+  const ResourceIndex past = made.history(a);
+  made.input(show, "a", past);
+  made.input(late, "own", past);
+  const ResourceIndex b = made.image(show, "b");
+  made.output(b);
+  prune(made.graph, std::array{b}, {});
+  EXPECT_FALSE(made.graph.passes[late].is_pruned);
+  EXPECT_EQ(made.graph.passes[late].reason, "makes 'late.a', whose last version 'show' reads");
+  EXPECT_TRUE(made.graph.passes[show].dependencies.empty());
+  EXPECT_EQ(made.graph.passes[late].past_dependencies, std::vector{late});
+}
+
+TEST(Prune, LeavesReadersOfAHistoryNeutralWhenItsMakerHasNothingToDo) {
+  SyntheticGraph made;
+  const PassIndex fog = made.pass("fog"), show = made.pass("show");
+  const ResourceIndex a = made.image(fog, "a", HEDDLE_PORT_KEPT);
+  made.need_feature(fog, "fog");
+  made.input(show, "a", made.history(a), true);
+  const ResourceIndex b = made.image(show, "b");
+  made.output(b);
+  prune(made.graph, std::array{b}, {});
+  EXPECT_FALSE(made.graph.passes[show].ports.contains("a"));
+}
+
+TEST(Prune, RefusesAHistoryOfWhatALaterPassChangesInPlace) {
+  SyntheticGraph made;
+  const PassIndex first = made.pass("first"), second = made.pass("second"), show = made.pass("show");
+  const ResourceIndex a = made.image(first, "a", HEDDLE_PORT_KEPT);
+  const ResourceIndex b = made.change(second, "b", a);
+  made.input(show, "a", made.history(a));
+  made.input(show, "b", b);
+  const ResourceIndex c = made.image(show, "c");
+  made.output(c);
+  EXPECT_EQ(testing::message_of([&] { prune(made.graph, std::array{c}, {}); }),
+            "synthetic.toml:3:1: error: pass 'show': inputs.a: 'first.a' is gone by the next frame: pass 'second' "
+            "changes it in place\n"
+            "  help:     read \"second.b@previous\"");
+}
+
 TEST(Prune, RefusesAGraphWhoseOutputNeedsAMissingFeature) {
   Chain chain;
   chain.need_feature(chain.filter, "fog");

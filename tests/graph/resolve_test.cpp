@@ -259,5 +259,43 @@ TEST(Resolve, ListsAllMistakesAtOnce) {
   EXPECT_EQ(errors, 4U) << message;
 }
 
+TEST(Histories, AreOneResourceForAllWhoReadThem) {
+  const ResolvedGraph graph = resolve_text(std::string(kSmallGraph) + R"([[pass]]
+role = "sky"
+technique = "procedural"
+[[pass]]
+name = "one"
+role = "display"
+technique = "linear"
+inputs.radiance = "sky.sky_map@previous"
+[[pass]]
+name = "two"
+role = "display"
+technique = "linear"
+inputs.radiance = "sky.sky_map@previous"
+)");
+  EXPECT_EQ(bound(graph, "one", "radiance"), "sky.sky_map@previous");
+  EXPECT_EQ(find(graph, "one").ports.at("radiance"), find(graph, "two").ports.at("radiance"));
+  const Resource& history = graph.resources[find_resource(graph, "sky.sky_map@previous")];
+  EXPECT_EQ(history.width, 128U);
+  EXPECT_EQ(history.format, static_cast<std::uint32_t>(VK_FORMAT_R32G32B32A32_SFLOAT));
+  EXPECT_EQ(graph.resources[history.history_of].name, "sky.sky_map");
+  EXPECT_TRUE(find(graph, "one").dependencies.empty());
+  EXPECT_EQ(find(graph, "one").past_dependencies.size(), 1U);
+}
+
+TEST(Histories, OfALeftOutPassAreAbsent) {
+  const ResolvedGraph graph = resolve_text(std::string(kSmallGraph) + R"([[pass]]
+role = "sky"
+technique = "none"
+[[pass]]
+name = "again"
+role = "lighting"
+technique = "deferred"
+inputs.visibility = "sky.sky_map@previous"
+)");
+  EXPECT_EQ(bound(graph, "again", "visibility"), "absent");
+}
+
 }  // namespace
 }  // namespace heddle::graph

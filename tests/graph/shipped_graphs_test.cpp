@@ -43,6 +43,7 @@ void prove(const std::string& file, const Registry& registry) {
     if (std::ranges::any_of(graph.resources, [&](const Resource& r) { return r.name == name; }))
       wanted.push_back(find_resource(graph, name));
   prune(graph, wanted, {});
+  weave_loops(graph);
   const Order sequence = order(graph);
   std::vector<MemoryNeed> needs;
   for (const Resource& resource : graph.resources) {
@@ -51,7 +52,8 @@ void prove(const std::string& file, const Registry& registry) {
   }
   const Placement placement = alias(graph, sequence, needs, wanted);
   const BarrierPlan plan = plan_barriers(graph, sequence, placement, wanted);
-  EXPECT_THAT(find_hazards(graph, sequence, needs, placement, plan, wanted), IsEmpty());
+  for (const std::uint32_t iterations : {1U, 2U, 3U})
+    EXPECT_THAT(find_hazards(graph, sequence, needs, placement, plan, wanted, 3, iterations), IsEmpty());
   EXPECT_THAT(find_needless_barriers(graph, sequence, needs, placement, plan, wanted), IsEmpty());
   EXPECT_LE(placement.heap_size, placement.unaliased_size);
 }
@@ -125,6 +127,33 @@ TEST(DeferredGraph, RunsTheSameInWhateverOrderThePassesWithNamedPortsStand) {
   EXPECT_LT(last[index("shadow")], first[index("lighting")]);
   EXPECT_LT(last[index("material")], first[index("lighting")]);
   EXPECT_LT(last[index("lighting")], first[index("display")]);
+}
+
+TEST(SupersampledGraph, RepeatsWhatDependsOnTheCameraAndNothingElse) {
+  ResolvedGraph graph = resolve(read_graph(graphs() / "supersampled.toml"), testing::shared_registry());
+  prune(graph, std::array{graph.output}, {});
+  weave_loops(graph);
+  const Order sequence = order(graph);
+  EXPECT_EQ(sequence_of(graph, sequence),
+            "sky.sun sky.sky_map sky.filter material.tables "
+            "aa.move shadow.views gbuffer.draw ao.horizon ao.denoise shadow.draw lighting.light aa.accumulate "
+            "aa.resolve display.encode");
+  ASSERT_EQ(sequence.loops.size(), 1U);
+  EXPECT_EQ(sequence.loops[0].begin, 4U);
+  EXPECT_EQ(sequence.loops[0].end, 12U);
+}
+
+TEST(SupersampledGraph, IsThePlainGraphWithoutTheWord) {
+  WrittenGraph written = read_graph(graphs() / "supersampled.toml");
+  apply_setting(written, "aa.technique=none");
+  ResolvedGraph graph = resolve(written, testing::shared_registry());
+  ResolvedGraph plain = resolve(read_graph(graphs() / "deferred.toml"), testing::shared_registry());
+  for (ResolvedGraph* one : {&graph, &plain}) {
+    prune(*one, std::array{one->output}, {});
+    weave_loops(*one);
+  }
+  EXPECT_TRUE(graph.loops.empty());
+  EXPECT_EQ(sequence_of(graph, order(graph)), sequence_of(plain, order(plain)));
 }
 
 TEST(ReferenceAo, SwapsOneWord) {

@@ -68,6 +68,16 @@ ResourceIndex SyntheticGraph::change(PassIndex pass, const std::string& port, Re
   return made;
 }
 
+ResourceIndex SyntheticGraph::history(ResourceIndex newest) {
+  Resource made = graph.resources[newest];
+  made.name += "@previous";
+  made.producer = kNoIndex;
+  made.previous_version = kNoIndex;
+  made.history_of = newest;
+  graph.resources.push_back(made);
+  return static_cast<ResourceIndex>(graph.resources.size() - 1);
+}
+
 void SyntheticGraph::input(PassIndex pass, const std::string& port, ResourceIndex source, bool is_optional) {
   Port made;
   made.name = port;
@@ -79,7 +89,7 @@ void SyntheticGraph::input(PassIndex pass, const std::string& port, ResourceInde
 
 void SyntheticGraph::gpu(PassIndex pass, const std::string& name, std::vector<Access> accesses,
                          std::optional<ShaderKind> kind, std::vector<std::string> calls) {
-  technique(pass).stages.push_back({name, StageKind::kGpu, std::move(accesses)});
+  technique(pass).stages.push_back({name, StageKind::kGpu, std::move(accesses), 0});
   if (!kind) return;
   Shader shader;
   shader.name = name;
@@ -89,8 +99,13 @@ void SyntheticGraph::gpu(PassIndex pass, const std::string& name, std::vector<Ac
   technique(pass).shaders.push_back(shader);
 }
 
-void SyntheticGraph::cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses) {
-  technique(pass).stages.push_back({name, StageKind::kCpu, std::move(accesses)});
+void SyntheticGraph::cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses, std::uint32_t latency) {
+  technique(pass).stages.push_back({name, StageKind::kCpu, std::move(accesses), latency});
+}
+
+void SyntheticGraph::loop(PassIndex pass, const std::string& input, const std::string& output,
+                          const std::string& gathered) {
+  technique(pass).loop = Loop{{{input, output}}, {gathered}};
 }
 
 void SyntheticGraph::provide(PassIndex pass, const std::string& role, std::vector<Access> accesses,

@@ -21,11 +21,21 @@ class SyntheticGraph {
   ResourceIndex value(PassIndex pass, const std::string& port);
   /// An inout port: a new version of `source`.
   ResourceIndex change(PassIndex pass, const std::string& port, ResourceIndex source);
+  /// Last frame's version of a kept output.
+  ResourceIndex history(ResourceIndex newest);
   void input(PassIndex pass, const std::string& port, ResourceIndex source, bool is_optional = false);
   /// A stage; gpu stages get one shader of the kind that calls `calls`, unless they have none (`kind` empty).
   void gpu(PassIndex pass, const std::string& name, std::vector<Access> accesses,
            std::optional<ShaderKind> kind = ShaderKind::kCompute, std::vector<std::string> calls = {});
-  void cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses);
+  void cpu(PassIndex pass, const std::string& name, std::vector<Access> accesses, std::uint32_t latency = 0);
+  void delay(PassIndex pass, std::uint32_t stage, std::uint32_t latency) {
+    technique(pass).stages[stage].latency = latency;
+  }
+  /// Makes the pass a loop; its stages are given their parts by `part`.
+  void loop(PassIndex pass, const std::string& input, const std::string& output, const std::string& gathered);
+  void part(PassIndex pass, std::uint32_t stage, std::uint32_t loop_part) {
+    technique(pass).stages[stage].loop_part = loop_part;
+  }
   void provide(PassIndex pass, const std::string& role, std::vector<Access> accesses,
                std::vector<std::string> calls = {});
   void bind(PassIndex caller, const std::string& role, std::vector<PassIndex> providers);

@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every technique of the role runs every hard case of role.toml, on the default device, through the C API.
 #include "rendering.hpp"
+#include "roles/readme.hpp"
 
-#include <nlohmann/json.hpp>
-
-#include <fstream>
 #include <numbers>
-#include <sstream>
 
 namespace {
 
@@ -267,40 +264,11 @@ TEST_P(HardCases, NobodyWhoReadsItCostsNothing) {
   }
 }
 
-std::string number(const Json& value) {
-  std::ostringstream text;
-  text << value.get<double>();
-  return text.str();
-}
-
-std::string joined(const Json& values) {
-  std::string text;
-  for (const Json& value : values) {
-    text += (text.empty() ? "" : ", ") + (value.is_string() ? value.get<std::string>() : number(value));
-  }
-  return text;
-}
-
 TEST_P(HardCases, TheTableOfParametersInItsReadmeIsTheDescriptors) {
-  std::ifstream file(std::string(HEDDLE_SOURCE_DIR "/plugins/ambient_occlusion/") + GetParam() + "/README.md");
-  const std::string readme{std::istreambuf_iterator<char>(file), {}};
-  const Json all = list();
-  for (const Json& technique : all["techniques"]) {
-    if (technique["id"] != "ambient_occlusion/" + GetParam()) {
-      continue;
-    }
-    std::string table;
-    for (const Json& p : technique["parameters"]) {
-      const Json& choices = p["choices"];
-      const bool is_choice = !choices.empty();
-      const std::string ladder = joined(p["ladder"]);
-      table += "| " + p["name"].get<std::string>() + " | " + p["unit"].get<std::string>() + " | " +
-               (is_choice ? joined(choices) : number(p["minimum"]) + " .. " + number(p["maximum"])) + " | " +
-               (is_choice ? choices[p["default"][0].get<std::size_t>()].get<std::string>() : number(p["default"][0])) +
-               " | " + p["help"].get<std::string>() + " |" + (ladder.empty() ? "" : " " + ladder) + " |\n";
-    }
-    EXPECT_NE(readme.find(table), std::string::npos) << "the README should have\n" << table;
-  }
+  const std::string id = "ambient_occlusion/" + GetParam();
+  const std::string table = rendering::parameter_table(list(), id);
+  EXPECT_NE(table, "");
+  EXPECT_NE(rendering::readme_of(id).find(table), std::string::npos) << "the README should have\n" << table;
 }
 
 TEST(AmbientOcclusion, GtaoApproachesTheReferenceAsItsKnobsRise) {

@@ -214,7 +214,7 @@ TEST(Descriptor, WithAStructureThatIsTooSmallIsRefused) {
   EXPECT_EQ(message([](Example& e) { e.ports[0].struct_size = 4; }),
             told("ports[0]: struct_size is too small\n  found:    4\n  expected: 24 bytes or more"));
   EXPECT_EQ(message([](Example& e) { e.ports[1].struct_size = 0; }),
-            told("ports[1]: struct_size differs from the first's\n  found:    0\n  expected: 80"));
+            told("ports[1]: struct_size differs from the first's\n  found:    0\n  expected: 88"));
 }
 
 TEST(Descriptor, WithNullPointersIsRefused) {
@@ -254,7 +254,7 @@ TEST(Descriptor, WithUnknownEnumerationsIsRefused) {
   EXPECT_EQ(message([](Example& e) { e.ports[0].direction = 3; }),
             told("port 'depth': unknown direction\n  found:    3\n  expected: 0 to 2"));
   EXPECT_EQ(message([](Example& e) { e.ports[0].flags = 64; }),
-            told("port 'depth': unknown flags\n  found:    0x40\n  expected: a combination within 0x7"));
+            told("port 'depth': unknown flags\n  found:    0x40\n  expected: a combination within 0xf"));
   EXPECT_EQ(message([](Example& e) { e.ports[1].extent_rule = 2; }),
             told("port 'visibility': unknown extent_rule\n  found:    2\n  expected: 0 to 1"));
   EXPECT_EQ(message([](Example& e) { e.parameters[0].type = 7; }),
@@ -312,6 +312,108 @@ TEST(Descriptor, WithAPortThatContradictsItselfIsRefused) {
                  "  expected: width and height above 0"));
   EXPECT_EQ(message([](Example& e) { e.ports[0].glsl = "float x;"; }),
             told("port 'depth': glsl belongs to buffers and values"));
+}
+
+TEST(Descriptor, WithAHistoryThatIsNotThereIsRefused) {
+  const auto refused = [](const std::string& name) {
+    return told("port 'depth': previous_of names nothing that it could read\n  found:    \"" + name +
+                "\"\n  expected: for an input: an output of its type, images and buffers HEDDLE_PORT_KEPT");
+  };
+  EXPECT_EQ(message([](Example& e) { e.ports[0].previous_of = "visibility"; }), "no error");
+  EXPECT_EQ(message([](Example& e) { e.ports[0].previous_of = "nothing"; }), refused("nothing"));
+  EXPECT_EQ(message([](Example& e) { e.ports[0].previous_of = "table"; }), refused("table"));
+  EXPECT_EQ(message([](Example& e) {
+              e.ports[0].previous_of = "visibility";
+              e.ports[1].flags = 0;
+            }),
+            refused("visibility"));
+  EXPECT_EQ(message([](Example& e) { e.ports[1].flags = HEDDLE_PORT_REWRITTEN; }),
+            told("port 'visibility': HEDDLE_PORT_REWRITTEN is for outputs that are HEDDLE_PORT_KEPT"));
+}
+
+TEST(Descriptor, WithALatencyThatMeansNothingIsRefused) {
+  const auto refused = [](const std::string& stage, const std::string& latency) {
+    return told("stage '" + stage + "': latency has no meaning here\n  found:    " + latency +
+                "\n  expected: 1 to 16, in a cpu stage with HOST_READ of an image or buffer");
+  };
+  EXPECT_EQ(message([](Example& e) { e.stages[0].latency = 1; }), refused("draw", "1"));
+  EXPECT_EQ(message([](Example& e) { e.stages[1].latency = 1; }), refused("fill", "1"));  // it only writes
+  const auto reads = [](std::uint32_t latency) {
+    return [latency](Example& e) {
+      e.stages[1].latency = latency;
+      e.stages[1].accesses = e.accesses + 1;
+      e.stages[1].access_count = 2;
+      e.stages[0].access_count = 1;
+      e.accesses[1] = e.accesses[2];
+      e.accesses[1].port = "visibility";
+      e.accesses[1].access = HEDDLE_ACCESS_HOST_READ;
+    };
+  };
+  EXPECT_EQ(message(reads(16)), "no error");
+  EXPECT_EQ(message(reads(17)), refused("fill", "17"));
+}
+
+/// A right loop, open to be changed; what broken_rules says of it.
+std::string loop_message(const std::function<void(Technique&)>& change) {
+  const auto port_of = [](const char* name, PortType type, Direction direction, std::uint32_t flags = 0) {
+    Port port;
+    port.name = name;
+    port.type = type;
+    port.direction = direction;
+    port.flags = flags;
+    return port;
+  };
+  Technique technique;
+  technique.id = "ambient_occlusion/test";
+  technique.title = "a loop";
+  technique.ports = {port_of("view", PortType::kValue, Direction::kIn),
+                     port_of("sample_view", PortType::kValue, Direction::kOut),
+                     port_of("radiance", PortType::kImage, Direction::kInout),
+                     port_of("sum", PortType::kImage, Direction::kOut, HEDDLE_PORT_KEPT)};
+  technique.stages = {
+      {"move", StageKind::kCpu, {{"sample_view", HEDDLE_ACCESS_VALUE, 0, {}}}, 0, HEDDLE_LOOP_BEFORE},
+      {"gather",
+       StageKind::kGpu,
+       {{"radiance", HEDDLE_ACCESS_SAMPLED, 0, {}}, {"sum", HEDDLE_ACCESS_STORAGE_READ_WRITE, 0, {}}},
+       0,
+       HEDDLE_LOOP_AFTER}};
+  technique.loop = Loop{{{"view", "sample_view"}}, {"radiance"}};
+  change(technique);
+  const std::vector<Diagnostic> broken = broken_rules(technique, {"t.so", 0, 0});
+  return broken.empty() ? "no error" : to_text(broken);
+}
+
+TEST(Descriptor, WithALoopThatContradictsItselfIsRefused) {
+  EXPECT_EQ(loop_message([](Technique&) {}), "no error");
+  EXPECT_EQ(loop_message([](Technique& t) { t.loop.reset(); }),
+            told("stage 'move' is part of a loop, and the technique has none\n") +
+                told("stage 'gather' is part of a loop, and the technique has none"));
+  EXPECT_EQ(loop_message([](Technique& t) { t.loop->overrides.clear(); }),
+            told("its loop overrides or gathers nothing\n"
+                 "  expected: an override set by a stage HEDDLE_LOOP_BEFORE, and a gathered input of a stage "
+                 "HEDDLE_LOOP_AFTER"));
+  EXPECT_EQ(loop_message([](Technique& t) { t.loop->overrides[0].output = "sum"; }),
+            told("its loop cannot override 'view' by 'sum'\n"
+                 "  expected: two values: an input, and an output that a stage HEDDLE_LOOP_BEFORE sets"));
+  EXPECT_EQ(loop_message([](Technique& t) { t.loop->gathers = {"sum"}; }),
+            told("its loop cannot gather 'sum'\n"
+                 "  expected: an image or buffer that goes in, and that a stage HEDDLE_LOOP_AFTER reads"));
+  EXPECT_EQ(loop_message([](Technique& t) { t.ports[3].flags = 0; }),
+            told("stage 'gather' gathers into 'sum', which is not HEDDLE_PORT_KEPT"));
+  EXPECT_EQ(loop_message([](Technique& t) { std::swap(t.stages[0], t.stages[1]); }),
+            told("stage 'move' stands behind the stages that gather"));
+  EXPECT_EQ(loop_message([](Technique& t) {
+              t.stages.insert(t.stages.begin() + 1, Stage{"between", StageKind::kCpu, {}});
+            }),
+            told("stage 'between' stands between the parts of an iteration"));
+  EXPECT_EQ(loop_message([](Technique& t) { t.stages[0].loop_part = 7; }),
+            told("stage 'move': unknown loop_part\n  found:    7\n  expected: 0 to 2"));
+}
+
+TEST(Descriptor, OfALoopWithoutIterationsIsRefused) {
+  static const heddle_override override{sizeof(heddle_override), 0, "depth", "visibility"};
+  static const heddle_loop loop{sizeof(heddle_loop), 1, &override, "depth"};
+  EXPECT_EQ(message([](Example& e) { e.technique.loop = &loop; }), told("a loop without the function iterations"));
 }
 
 TEST(Descriptor, WithoutFormatIsRightIfDeclareSetsIt) {

@@ -117,8 +117,45 @@ TEST(Manifest, ComesBackExactly) {
   EXPECT_EQ(to_json(read), to_json(written));
 }
 
+Port port_of(std::string name, PortType type, Direction direction, std::uint32_t flags = 0) {
+  Port port;
+  port.name = std::move(name);
+  port.type = type;
+  port.direction = direction;
+  port.flags = flags;
+  port.byte_size = type == PortType::kValue ? 16 : 0;
+  return port;
+}
+
+TEST(Manifest, OfALoopWithAPastComesBackExactly) {
+  Technique technique;
+  technique.id = "antialiasing/test";
+  technique.title = "a loop";
+  Port past = port_of("past", PortType::kImage, Direction::kIn);
+  past.previous_of = "sum";
+  technique.ports = {port_of("view", PortType::kValue, Direction::kIn),
+                     port_of("sample_view", PortType::kValue, Direction::kOut),
+                     port_of("radiance", PortType::kImage, Direction::kInout),
+                     port_of("sum", PortType::kImage, Direction::kOut, HEDDLE_PORT_KEPT | HEDDLE_PORT_REWRITTEN), past};
+  technique.stages = {
+      {"watch", StageKind::kCpu, {{"radiance", HEDDLE_ACCESS_HOST_READ, 0, {}}}, 3, HEDDLE_LOOP_OUTSIDE},
+      {"move", StageKind::kCpu, {{"sample_view", HEDDLE_ACCESS_VALUE, 0, {}}}, 0, HEDDLE_LOOP_BEFORE},
+      {"gather",
+       StageKind::kGpu,
+       {{"radiance", HEDDLE_ACCESS_SAMPLED, 0, {}}, {"sum", HEDDLE_ACCESS_STORAGE_WRITE, 0, {}}},
+       0,
+       HEDDLE_LOOP_AFTER}};
+  technique.loop = Loop{{{"view", "sample_view"}}, {"radiance"}};
+  Manifest written = example_manifest();
+  written.techniques = {technique};
+  const Manifest read = manifest_from_json(to_json(written), kFile);
+  ASSERT_EQ(read.techniques.size(), 1U);
+  EXPECT_TRUE(read.techniques[0] == technique);
+  EXPECT_EQ(to_json(read), to_json(written));
+}
+
 TEST(Manifest, WithBrokenJsonNamesThePlace) {
-  EXPECT_EQ(message("{\n \"format\": 1,\n \"abi\": [0 1]\n}\n"),
+  EXPECT_EQ(message("{\n \"format\": 2,\n \"abi\": [0 1]\n}\n"),
             kFile.string() +
                 ":3:12: error: manifest: this is no JSON\n"
                 "  help:     manifests are written by heddle-manifest: build the plugin again");
@@ -128,9 +165,9 @@ TEST(Manifest, WithBrokenJsonNamesThePlace) {
 }
 
 TEST(Manifest, OfAnotherFormatSaysSo) {
-  EXPECT_EQ(message(replaced(to_json(example_manifest()), "\"format\": 1", "\"format\": 2")),
+  EXPECT_EQ(message(replaced(to_json(example_manifest()), "\"format\": 2", "\"format\": 3")),
             kFile.string() +
-                ": error: manifest: /format is another format\n  found:    2\n  expected: 1\n"
+                ": error: manifest: /format is another format\n  found:    3\n  expected: 2\n"
                 "  help:     manifests are written by heddle-manifest: build the plugin again");
 }
 

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// antialiasing/supersampled: renders everything that makes the radiance n times, with the camera moved within a pixel,
+// and shows the mean. The reference of the role.
+#include <heddle/pass.hpp>
+
+#include "sequence.hpp"
+
+namespace {
+using namespace heddle::pass;
+
+constexpr heddle_port kPorts[] = {
+    port("radiance", HEDDLE_PORT_IMAGE, HEDDLE_INOUT, "one sample in, the mean out [cd/m^2]"),
+    value_in("camera", "the view through the centres of the pixels"),
+    value_out("sample_camera", sizeof(HeddleView), "the view of one sample", "HeddleView sample_camera;"),
+    image_out("mean", VK_FORMAT_R32G32B32A32_SFLOAT, "of the samples so far [cd/m^2]", HEDDLE_PORT_KEPT),
+    image_out("residual", VK_FORMAT_R32G32B32A32_SFLOAT, "what the mean lacks [cd/m^2]", HEDDLE_PORT_KEPT),
+    image_out("count", VK_FORMAT_R32_SFLOAT, "samples in the mean", HEDDLE_PORT_KEPT),
+};
+constexpr double kSamples[] = {1, 2, 4, 8, 16, 32, 64, 256, 1024};
+constexpr const char* kModes[] = {"reference", "progressive", nullptr};
+constexpr const char* kSequences[] = {"r2", "halton", "random", nullptr};
+constexpr const char* kFilters[] = {"box", "tent", "gaussian", nullptr};
+constexpr heddle_parameter kParameters[] = {
+    knob(integer("samples", "1", 1, 65536, 16, "of each pixel"), kSamples),
+    choice("mode", kModes, 0, "reference: all in a frame; progressive: one a frame while nothing changes"),
+    choice("sequence", kSequences, 0, "where in a pixel the samples are taken"),
+    choice("filter", kFilters, 0, "what a pixel weighs its surroundings with"),
+};
+enum StageIndex : std::uint32_t { kMove, kAccumulate, kResolve };
+constexpr heddle_access kMoveAccesses[] = {value("camera"), value("sample_camera")};
+constexpr heddle_access kAccumulateAccesses[] = {sampled("radiance"), storage_read_write("mean"),
+                                                 storage_read_write("residual"), storage_read_write("count")};
+constexpr heddle_access kResolveAccesses[] = {sampled("mean"), color_target("radiance")};
+constexpr heddle_stage kStages[] = {
+    in_loop(HEDDLE_LOOP_BEFORE, cpu_stage("move", kMoveAccesses)),
+    in_loop(HEDDLE_LOOP_AFTER, gpu_stage("accumulate", kAccumulateAccesses)),
+    gpu_stage("resolve", kResolveAccesses),
+};
+constexpr heddle_shader kShaders[] = {
+    compute_shader("accumulate", "accumulate", "accumulate.comp.glsl"),
+    fullscreen_shader("resolve", "resolve", "resolve.frag.glsl"),
+};
+constexpr heddle_override kOverrides[] = {override_of("camera", "sample_camera")};
+constexpr heddle_loop kLoop = loop(kOverrides, "radiance");
+
+/// README equation (4): every raster position moves by the jitter, in float64 from the matrices as they are.
+HeddleView moved(HeddleView view, double x_px, double y_px) {
+  const double x = 2.0 * x_px / view.extent[0];
+  const double y = 2.0 * y_px / view.extent[1];
+  for (std::size_t i = 0; i < 4; ++i) {
+    float* column = view.clip_from_rel + 4 * i;
+    column[0] = static_cast<float>(column[0] + x * column[3]);
+    column[1] = static_cast<float>(column[1] + y * column[3]);
+    float* back = view.rel_from_clip;
+    back[12 + i] = static_cast<float>(back[12 + i] - x * back[i] - y * back[4 + i]);
+  }
+  view.jitter[0] = static_cast<float>(view.jitter[0] + x_px);
+  view.jitter[1] = static_cast<float>(view.jitter[1] + y_px);
+  return view;
+}
+
+class Supersampled {
+ public:
+  explicit Supersampled(const PassHost& host) : host_(host) {}
+
+  heddle_status declare(const PassHost& host) const {
+    const heddle_shape radiance = host.shape("radiance");
+    heddle_shape shape{};
+    shape.width = radiance.width;
+    shape.height = radiance.height;
+    for (const char* port : {"mean", "residual", "count"}) {
+      if (const heddle_status status = host.set_shape(port, shape); status != HEDDLE_OK) return status;
+    }
+    return HEDDLE_OK;
+  }
+
+  heddle_status iterations(const heddle_frame_info& info, heddle_iterations& out) {
+    if (info.is_still == 0) done_ = 0;
+    out.total = static_cast<std::uint32_t>(host_.integer("samples"));
+    out.first = done_;
+    out.count = out.total - done_;
+    if (host_.choice("mode") == 1) out.count = std::min(out.count, 1U);
+    done_ += out.count;
+    return HEDDLE_OK;
+  }
+
+  heddle_status execute(const Frame& frame) const {
+    const auto camera = frame.value<HeddleView>("camera");
+    if (camera.empty()) return host_.fail(HEDDLE_BUG, "there is no camera");
+    const auto sequence = static_cast<supersampled::Sequence>(host_.choice("sequence"));
+    const auto filter = static_cast<supersampled::Filter>(host_.choice("filter"));
+    const supersampled::Point offset = supersampled::sample_offset(sequence, filter, frame.info().iteration);
+    const HeddleView view = moved(camera[0], -offset[0], -offset[1]);
+    return frame.set_value("sample_camera", std::span(&view, 1));
+  }
+
+  heddle_status record(const Frame& frame) const {
+    if (frame.stage() == kAccumulate) return frame.dispatch_over("accumulate", "mean", frame.info().iteration);
+    return frame.fullscreen("resolve");
+  }
+
+ private:
+  PassHost host_;
+  std::uint32_t done_ = 0;  // samples in the mean when the next frame begins, if nothing changes
+};
+
+constexpr heddle_technique kSupersampled = [] {
+  heddle_technique t =
+      technique<Supersampled>("antialiasing/supersampled", "The mean of n moved cameras",
+                              "Roberts, 2018, The Unreasonable Effectiveness of Quasirandom Sequences");
+  t.flags = HEDDLE_TECHNIQUE_REFERENCE;
+  t.ports = list(kPorts, t.port_count);
+  t.parameters = list(kParameters, t.parameter_count);
+  t.stages = list(kStages, t.stage_count);
+  t.shaders = list(kShaders, t.shader_count);
+  t.loop = &kLoop;
+  return t;
+}();
+
+}  // namespace
+
+HEDDLE_PLUGIN(kSupersampled)
