@@ -140,6 +140,7 @@ int compare_techniques(CompareArguments& arguments) {
   options.struct_size = sizeof options;
   options.time = arguments.time;
   options.seed = arguments.seed;
+  options.flags = HEDDLE_RENDER_ANEW;  // a frame that has nothing left to do would be timed as nothing
   const auto render = [&](Variant& variant, bool is_timed) {
     check(host.get(), heddle_render(variant.graph.get(), scene.get(), &options));
     const char* text = nullptr;

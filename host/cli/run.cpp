@@ -116,6 +116,13 @@ int run(RunArguments& arguments) {
   }
   const Json parsed = parse_json(stats);
   if (arguments.profile) print_stages(parsed);
+  for (const Json& loop : parsed["loops"]) {
+    const bool is_complete = loop["done"] == loop["total"];
+    say(arguments.host,
+        fmt::format("loop of pass '{}': {} of {} iterations{}", loop["pass"].get<std::string>(),
+                    loop["done"].get<std::uint32_t>(), loop["total"].get<std::uint32_t>(),
+                    is_complete ? "" : "; more --frames go on where nothing changes, as with --time-step 0"));
+  }
   say(arguments.host,
       fmt::format("frame {} on {}: {:.1f} ms; transient memory {:.1f} MiB ({:.1f} MiB without aliasing)",
                   arguments.frames, parsed["device"]["name"].get<std::string>(), parsed["wall_ms"].get<double>(),
