@@ -248,24 +248,30 @@ void check_camera(const heddle_camera& camera) {
   }
 }
 
+/// What was rendered so far goes on where it can: an executor is made once for a graph.
 void resolve_into(heddle_graph& graph, heddle::graph::WrittenGraph written) {
   heddle::graph::ResolvedGraph resolved = heddle::graph::resolve(written, *graph.host->registry);
-  auto executor = std::make_unique<heddle::graph::Executor>(*graph.host->services, std::move(resolved));
   std::vector<std::string> kept;
   for (const std::string& port : graph.kept) {
-    try {
-      executor->keep(port);
+    const bool is_made = std::ranges::any_of(resolved.resources, [&](const heddle::graph::Resource& resource) {
+      return resource.name == port && resource.producer != heddle::graph::kNoIndex;
+    });
+    if (is_made) {
       kept.push_back(port);
-    } catch (const Error&) {
+    } else {
       graph.host->log(Severity::kWarning,
                       fmt::format("warning: port '{}' is no longer kept: the graph has no pass that "
                                   "makes it now",
                                   port));
     }
   }
+  if (graph.executor) {
+    graph.executor->replace(std::move(resolved), kept);
+  } else {
+    graph.executor = std::make_unique<heddle::graph::Executor>(*graph.host->services, std::move(resolved));
+  }
   graph.kept = std::move(kept);
   graph.written = std::move(written);
-  graph.executor = std::move(executor);
 }
 
 /// Whether two resolved graphs differ in parameter values alone; then these are set in place.
@@ -289,6 +295,13 @@ bool set_parameters_in_place(heddle_graph& graph, const heddle::graph::ResolvedG
           a.functions[f].providers != b.functions[f].providers) {
         return false;
       }
+    }
+  }
+  constexpr std::uint32_t kPlanned = HEDDLE_PARAMETER_REDECLARE | HEDDLE_PARAMETER_CONSTANT;
+  for (PassIndex i = 0; i < resolved.passes.size(); ++i) {
+    for (std::size_t p = 0; p < resolved.passes[i].parameters.size(); ++p) {
+      const bool is_same = present.passes[i].parameters[p] == resolved.passes[i].parameters[p];
+      if (!is_same && (resolved.passes[i].entry.technique->parameters[p].flags & kPlanned) != 0) return false;
     }
   }
   for (PassIndex i = 0; i < resolved.passes.size(); ++i) {

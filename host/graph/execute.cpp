@@ -38,8 +38,37 @@ void Executor::keep(std::string_view resource) {
                 "only images can be read back");
   }
   if (std::find(s.kept_names.begin(), s.kept_names.end(), resource) != s.kept_names.end()) return;
-  s.kept_names.emplace_back(resource);
-  s.unplan();
+  std::vector<std::string> kept = s.kept_names;
+  kept.emplace_back(resource);
+  replace(s.original, std::move(kept));
+}
+
+void Executor::replace(ResolvedGraph graph, std::vector<std::string> kept) {
+  State& s = *state_;
+  for (const std::string& name : kept) (void)find_resource(graph, name);
+  std::swap(s.original, graph);
+  std::swap(s.kept_names, kept);
+  if (!s.is_planned) {
+    s.graph = s.original;
+    return;
+  }
+  const bool had_frame = s.has_frame;
+  try {
+    s.plan(s.planned_features);
+  } catch (...) {
+    std::swap(s.original, graph);
+    std::swap(s.kept_names, kept);
+    try {
+      s.plan(s.planned_features);
+      s.has_frame = had_frame && std::ranges::all_of(s.wanted, [&](ResourceIndex wanted) {
+                      return s.resources[s.resources[wanted].root].is_adopted;
+                    });
+    } catch (...) {
+      s.unplan();  // the next frame plans from nothing, or says why it cannot
+      s.graph = s.original;
+    }
+    throw;
+  }
 }
 
 void Executor::set_parameter(PassIndex pass, std::size_t parameter, const ParameterValue& value) {
@@ -47,11 +76,6 @@ void Executor::set_parameter(PassIndex pass, std::size_t parameter, const Parame
   s.original.passes[pass].parameters[parameter] = value;
   s.is_changed = true;
   if (!s.is_planned) return;
-  const Parameter& declared = s.original.passes[pass].entry.technique->parameters[parameter];
-  if ((declared.flags & (HEDDLE_PARAMETER_REDECLARE | HEDDLE_PARAMETER_CONSTANT)) != 0) {
-    s.unplan();
-    return;
-  }
   s.graph.passes[pass].parameters[parameter] = value;
   if (s.passes[pass]) s.write_parameters(*s.passes[pass]);
 }

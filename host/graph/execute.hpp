@@ -65,9 +65,13 @@ class Executor {
   Executor(const Executor&) = delete;
   Executor& operator=(const Executor&) = delete;
 
-  /// Asks that a resource stays readable after a frame; the next frame plans anew.
+  /// Asks that a resource stays readable after a frame.
   void keep(std::string_view resource);
-  /// Sets a parameter's numbers; plans anew if the parameter asks for it.
+  /// Renders another graph from now on, with other ports kept. Passes of the same name, technique and shapes go on with
+  /// their objects, pipelines and all that they kept between frames. A graph that cannot be planned throws, and leaves
+  /// the present one as it is, its last frame included.
+  void replace(ResolvedGraph graph, std::vector<std::string> kept);
+  /// Sets the numbers of a parameter that is neither HEDDLE_PARAMETER_REDECLARE nor _CONSTANT: those need `replace`.
   void set_parameter(PassIndex pass, std::size_t parameter, const ParameterValue& value);
   void render(const scene::Scene& scene, const FrameOptions& options);
   /// Renders frames from the first on, again and again: in every order that declared accesses allow, over memory that

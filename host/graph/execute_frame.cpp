@@ -351,7 +351,8 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
           ? state.descriptor->activity(state.object, &state.api, scheduled.stage, &frame, &info)
           : HEDDLE_RUN;
   record_barriers(before);
-  if (activity == HEDDLE_KEEP) {
+  const bool is_up_to_date = is_outdated.empty() || is_outdated[scheduled.pass] == 0;
+  if (activity == HEDDLE_KEEP && is_up_to_date) {
     keep_outputs(scheduled);
     return;
   }
@@ -375,7 +376,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
   const auto start = Clock::now();
   // Nothing of a failed frame may reach the next: its plan, values and recorded commands go.
   try {
-    if (!s.is_planned || rendered.features() != s.planned_features) s.plan(rendered);
+    if (!s.is_planned || rendered.features() != s.planned_features) s.plan(rendered.features());
     s.begin_frame_memory();
     s.drawn_layers.clear();
     s.errors.clear();
@@ -408,6 +409,8 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     s.stats.wall_ms = milliseconds_since(start);
     ++s.stats.frame;
     s.is_fresh = false;
+    s.has_frame = true;
+    s.is_outdated.clear();
     s.throw_what_the_check_found();
     const std::vector<std::string> complaints = s.device->take_validation_errors();
     if (!complaints.empty()) {
@@ -431,8 +434,10 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
 Executor::ReadBack Executor::read(std::string_view name, std::uint32_t layer, std::uint32_t mip) {
   State& s = *state_;
   const ResourceIndex resource = name.empty() ? s.graph.output : find_resource(s.graph, name);
-  if (!s.is_planned || s.stats.frame == 0) {
-    throw Error(HEDDLE_BAD_INPUT, "nothing was rendered yet", "render a frame before reading a port");
+  if (!s.is_planned || !s.has_frame) {
+    throw Error(HEDDLE_BAD_INPUT,
+                s.stats.frame == 0 ? "nothing was rendered yet" : "nothing was rendered since the graph changed",
+                "render a frame before reading a port");
   }
   if (std::find(s.wanted.begin(), s.wanted.end(), resource) == s.wanted.end()) {
     throw Error(HEDDLE_BAD_INPUT,

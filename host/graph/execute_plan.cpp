@@ -89,39 +89,46 @@ void Executor::State::open_device() {
   device = &opened;
 }
 
+/// Takes everything down: the next plan starts from nothing.
 void Executor::State::unplan() {
-  if (device != nullptr) (void)device->table().DeviceWaitIdle(device->table().device);
-  for (auto& pass : passes) {
-    if (pass && pass->object != nullptr && pass->descriptor->destroy != nullptr)
-      pass->descriptor->destroy(pass->object);
-  }
-  passes.clear();
-  resources.clear();
-  rings.clear();
-  frame_buffers.clear();
-  heap = {};
-  is_planned = false;
+  retire();
+  bury();
+  has_frame = false;
 }
 
-void Executor::State::plan(const scene::Scene& planned_scene) {
-  plan_memory(planned_scene.features());
-  place_resources();
-  name_resources();
-  initialize_kept();
-  for (const PassIndex index : dependency_order(graph)) {
-    PassState* pass = passes[index].get();
-    if (pass == nullptr || pass->descriptor->prepare == nullptr) continue;
-    throw_if_failed(*pass, pass->descriptor->prepare(pass->object, &pass->api), "prepare");
+/// Throws with everything taken down to what the next plan may adopt.
+void Executor::State::plan(const std::vector<std::string>& features) {
+  const std::vector<std::string> planned = features;  // may be planned_features
+  try {
+    plan_memory(planned);
+    is_fresh = !legacy.has_past;
+    has_frame = false;
+    place_resources();
+    name_resources();
+    initialize_kept();
+    for (const PassIndex index : dependency_order(graph)) {
+      PassState* pass = passes[index].get();
+      if (pass == nullptr || pass->is_prepared) continue;
+      if (pass->descriptor->prepare != nullptr) {
+        throw_if_failed(*pass, pass->descriptor->prepare(pass->object, &pass->api), "prepare");
+      }
+      pass->is_prepared = true;
+    }
+    compile_passes();
+  } catch (...) {
+    retire();
+    throw;
   }
-  compile_passes();
+  find_outdated();
+  bury();
+  is_changed = true;
   is_planned = true;
-  is_fresh = true;
 }
 
 /// Everything that is decided before the first byte is allocated.
 void Executor::State::plan_memory(const std::vector<std::string>& features) {
   open_device();
-  unplan();
+  retire();
   errors.clear();
   graph = original;
   planned_features = features;
@@ -163,6 +170,9 @@ void Executor::State::open_passes() {
   for (PassIndex index = 0; index < graph.passes.size(); ++index) {
     const Pass& pass = graph.passes[index];
     if (pass.is_pruned) continue;
+    stats.libraries.push_back(pass.entry.manifest->library.string());
+    passes[index] = adopt_object(index);
+    if (passes[index]) continue;
     auto state = std::make_unique<PassState>();
     state->executor_state = this;
     state->index = index;
@@ -170,15 +180,17 @@ void Executor::State::open_passes() {
     state->descriptor = &state->library->descriptor(pass.entry.technique->id);
     state->layout = vulkan::parameter_layout(*pass.entry.technique);
     fill_pass_host(*state, device->table());
-    stats.libraries.push_back(pass.entry.manifest->library.string());
     passes[index] = std::move(state);
-    PassState& opened = *passes[index];
-    if (opened.descriptor->create != nullptr) {
-      throw_if_failed(opened, opened.descriptor->create(&opened.api, &opened.object), "create");
-    }
+    create(*passes[index]);
   }
   std::sort(stats.libraries.begin(), stats.libraries.end());
   stats.libraries.erase(std::unique(stats.libraries.begin(), stats.libraries.end()), stats.libraries.end());
+}
+
+void Executor::State::create(PassState& pass) {
+  pass.is_adopted = false;
+  if (pass.descriptor->create == nullptr) return;
+  throw_if_failed(pass, pass.descriptor->create(&pass.api, &pass.object), "create");
 }
 
 void Executor::State::declare_passes() {
@@ -189,6 +201,12 @@ void Executor::State::declare_passes() {
       Resource& made = graph.resources[graph.passes[index].ports.at(port)];
       if (made.type == PortType::kValue) continue;
       copy_shape(made, graph.resources[source]);
+    }
+    pass->is_adopted = keep_adopted(index);
+    if (pass->is_adopted) continue;
+    if (pass->is_prepared) {
+      destroy(*pass);
+      create(*pass);
     }
     if (pass->descriptor->declare != nullptr) {
       pass->is_declaring = true;
@@ -253,8 +271,9 @@ void Executor::State::place_resources() {
   if (placement.heap_size > 0) heap = device->make_heap(placement.heap_size, memory_types);
   kept_bytes = 0;
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
-    if (needs[i].size == 0) continue;
     const Resource& resource = graph.resources[i];
+    if (resource.type == PortType::kValue) adopt_memory(i);
+    if (needs[i].size == 0) continue;
     ResourceState& state = resources[i];
     const std::uint64_t offset = placement.offset[i];
     const bool is_own = offset == Placement::kOwnMemory;
@@ -264,6 +283,8 @@ void Executor::State::place_resources() {
         variant.poison && barriers.first_layout[i] == VK_IMAGE_LAYOUT_UNDEFINED && !is_any_version_kept(i);
     if (is_own && is_poisoned) state.own_heap = device->make_heap(needs[i].size, memory_types);
     const bool is_alone = is_own && !is_poisoned;
+    if (is_alone) adopt_memory(i);
+    if (state.is_adopted) continue;
     const vulkan::Heap& place = is_own ? state.own_heap : heap;
     const std::uint64_t at = is_own ? 0 : offset;
     if (resource.type == PortType::kImage) {
@@ -282,13 +303,35 @@ void Executor::State::place_resources() {
 }
 
 void Executor::State::initialize_kept() {
+  // Where a past is taken over, the next frame begins by letting histories and what is newest change places.
+  std::vector<VkImageLayout> layouts = barriers.first_layout;
+  layouts.resize(graph.resources.size(), VK_IMAGE_LAYOUT_UNDEFINED);
+  if (!is_fresh) {
+    for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+      const ResourceIndex newest = graph.resources[i].history_of;
+      if (newest == kNoIndex || !resources[i].image) continue;
+      std::swap(layouts[i], layouts[resources[newest].root]);
+    }
+  }
   device->run([&](VkCommandBuffer buffer) {
     commands = buffer;
     for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
       const Resource& resource = graph.resources[i];
       ResourceState& state = resources[i];
-      const bool lasts = barriers.first_layout.size() > i && barriers.first_layout[i] != VK_IMAGE_LAYOUT_UNDEFINED;
-      if (state.image && lasts) {
+      const bool lasts = layouts[i] != VK_IMAGE_LAYOUT_UNDEFINED;
+      if (state.is_adopted && state.image && lasts) {
+        Barrier barrier;
+        barrier.resource = i;
+        barrier.source_stages = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+        barrier.source_access = VK_ACCESS_2_MEMORY_WRITE_BIT;
+        barrier.target_stages = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+        barrier.target_access = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
+        barrier.old_layout = state.layout;
+        barrier.new_layout = layouts[i];
+        record_barriers({&barrier, 1});
+      } else if (state.is_adopted) {
+        continue;
+      } else if (state.image && lasts) {
         const Pass& producer = graph.passes[maker_of(graph, resource)];
         const RolePort* port = producer.role->find_port(resource.port);
         clear_image(state, resource, port != nullptr ? port->neutral : std::array<double, 4>{0, 0, 0, 0});
@@ -299,7 +342,7 @@ void Executor::State::initialize_kept() {
         barrier.target_stages = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
         barrier.target_access = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
         barrier.old_layout = state.layout;
-        barrier.new_layout = barriers.first_layout[i];
+        barrier.new_layout = layouts[i];
         record_barriers({&barrier, 1});
       } else if (state.buffer && resource.is_kept) {
         device->table().CmdFillBuffer(buffer, state.buffer.handle(), 0, VK_WHOLE_SIZE, 0);
@@ -454,6 +497,24 @@ void Executor::State::write_parameters(PassState& state) {
   }
 }
 
+void Executor::State::make_pipelines(ShaderState& shader) {
+  switch (shader.shader->kind) {
+    case ShaderKind::kCompute:
+      shader.pipeline = maker->compute(shader.compiled, shader.values);
+      break;
+    case ShaderKind::kFullscreen:
+      shader.pipeline = maker->fullscreen(shader.compiled, shader.values, shader.raster);
+      break;
+    case ShaderKind::kSurfaces:
+      shader.pipeline =
+          maker->surfaces(program, shader.compiled, shader.values, shader.raster, materials_layout, program_layout);
+      if (shader.shader->file.empty()) {
+        shader.masked = maker->surfaces_masked_depth(program, shader.raster, materials_layout, program_layout);
+      }
+      break;
+  }
+}
+
 void Executor::State::compile_passes() {
   bool draws_surfaces = false;
   for (const auto& state : passes) {
@@ -469,36 +530,25 @@ void Executor::State::compile_passes() {
     write_parameters(*state);
     const Pass& pass = pass_of(*state);
     const Technique& technique = technique_of(*state);
+    std::map<std::string, ShaderState, std::less<>> shaders;
     for (const Shader& shader : technique.shaders) {
       ShaderState made;
       made.shader = &shader;
       const auto stage = std::find_if(technique.stages.begin(), technique.stages.end(),
                                       [&](const Stage& candidate) { return candidate.name == shader.stage; });
       made.stage = static_cast<std::uint32_t>(stage - technique.stages.begin());
-      const vulkan::RasterState raster = raster_state(pass, shader);
+      made.raster = raster_state(pass, shader);
       if (!shader.file.empty()) {
         made.compiled = vulkan::compile(shader_request(*state, shader), services.cache_folder);
         for (const std::string& warning : made.compiled.warnings) services.log(Severity::kWarning, warning);
       } else {
         made.compiled.kind = ShaderKind::kSurfaces;
       }
-      switch (shader.kind) {
-        case ShaderKind::kCompute:
-          made.pipeline = maker->compute(made.compiled, constants(made.compiled));
-          break;
-        case ShaderKind::kFullscreen:
-          made.pipeline = maker->fullscreen(made.compiled, constants(made.compiled), raster);
-          break;
-        case ShaderKind::kSurfaces:
-          made.pipeline = maker->surfaces(program, made.compiled, constants(made.compiled), raster, materials_layout,
-                                          program_layout);
-          if (shader.file.empty()) {
-            made.masked = maker->surfaces_masked_depth(program, raster, materials_layout, program_layout);
-          }
-          break;
-      }
-      state->shaders.emplace(shader.name, std::move(made));
+      made.values = constants(made.compiled);
+      if (!adopt_pipelines(*state, made)) make_pipelines(made);
+      shaders.emplace(shader.name, std::move(made));
     }
+    state->shaders = std::move(shaders);
   }
 }
 

@@ -27,12 +27,15 @@ struct ResourceState {
   Value value;
   VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;  // now; tracked while recording
   bool was_initialized = false;                      // kept resources: neutral contents were written
+  bool is_adopted = false;                           // holds what an earlier plan left
 };
 
 struct ShaderState {
   const Shader* shader = nullptr;
   std::uint32_t stage = 0;
   vulkan::CompiledShader compiled;
+  vulkan::Constants values;  // that the pipelines were made with
+  vulkan::RasterState raster;
   vulkan::Pipeline pipeline;
   vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
 };
@@ -58,6 +61,8 @@ struct PassState {
   const heddle_technique* descriptor = nullptr;
   heddle_pass* object = nullptr;
   bool is_declaring = false;
+  bool is_prepared = false;
+  bool is_adopted = false;  // the object of an earlier plan
   std::map<std::string, ShaderState, std::less<>> shaders;
   vulkan::Buffer parameters;
   vulkan::ParameterLayout layout;
@@ -86,6 +91,25 @@ struct heddle_frame {
 
 namespace heddle::graph {
 
+/// What a plan that was taken down left for the next one, by names.
+struct Legacy {
+  struct Object {
+    Pass pass;
+    std::map<std::string, Resource, std::less<>> shapes;  // of its bound ports
+    std::vector<std::string> providers;                   // of functions that it calls
+    std::uint32_t width = 0, height = 0;                  // of the graph
+    std::vector<ReadBackRing> rings;
+    std::unique_ptr<PassState> state;  // null: adopted
+  };
+  struct Memory {
+    Resource shape;
+    ResourceState state;
+  };
+  std::map<std::string, Object, std::less<>> passes;
+  std::map<std::string, Memory, std::less<>> memory;  // what outlasts frames, and values
+  bool has_past = false;                              // frames were rendered
+};
+
 struct Executor::State {
   HostServices& services;
   ResolvedGraph original;  // as resolved; each plan starts from it
@@ -94,7 +118,10 @@ struct Executor::State {
 
   // The plan; valid while `is_planned`.
   bool is_planned = false;
-  bool is_fresh = false;  // no frame of this plan was rendered: nothing of the past is there
+  bool is_fresh = false;  // no frame was rendered, of this plan or of those that it took over: there is no past
+  bool has_frame = false;  // the wanted images hold a frame
+  Legacy legacy;
+  std::vector<std::uint8_t> is_outdated;  // passes that must run in this plan's first frame; empty: none
   std::vector<std::string> planned_features;
   Order order;
   std::vector<MemoryNeed> needs;
@@ -147,15 +174,25 @@ struct Executor::State {
   State(HostServices& s, ResolvedGraph g) : services(s), original(std::move(g)) {}
 
   void open_device();
-  void plan(const scene::Scene& scene);
+  void plan(const std::vector<std::string>& features);
   void plan_memory(const std::vector<std::string>& features);
   void find_needs();
   void unplan();
+  void destroy(PassState& pass);
+  void retire();
+  void bury();
+  std::unique_ptr<PassState> adopt_object(PassIndex pass);
+  bool keep_adopted(PassIndex pass);
+  void adopt_memory(ResourceIndex resource);
+  void find_outdated();
+  bool adopt_pipelines(PassState& pass, ShaderState& made);
   void open_passes();
+  void create(PassState& pass);
   void declare_passes();
   void place_resources();
   void initialize_kept();
   void compile_passes();
+  void make_pipelines(ShaderState& shader);
   void write_parameters(PassState& pass);
   [[nodiscard]] vulkan::Constants constants(const vulkan::CompiledShader& shader) const;
   [[nodiscard]] vulkan::BoundPort bound_port(const Pass& pass, const Access& access) const;

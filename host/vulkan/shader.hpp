@@ -163,6 +163,7 @@ struct RasterState {
   bool depth_write = true;
   VkCompareOp depth_compare = VK_COMPARE_OP_GREATER_OR_EQUAL;
   float depth_bias_constant = 0, depth_bias_slope = 0;
+  bool operator==(const RasterState&) const = default;
 };
 
 /// Values of the specialization constants, by ConstantSlot::id (the caller's: index of the parameter).

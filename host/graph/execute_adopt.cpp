@@ -1,0 +1,232 @@
+// SPDX-License-Identifier: Apache-2.0
+// What one plan hands to the next, so that a graph that changes loses nothing but what the change touches: objects of
+// passes, their pipelines, and what they keep between frames.
+
+#include "graph/execute_state.hpp"
+
+#include <algorithm>
+
+namespace heddle::graph {
+
+namespace {
+
+bool is_same_shape(const Resource& a, const Resource& b) {
+  return a.type == b.type && a.format == b.format && a.width == b.width && a.height == b.height &&
+         a.layers == b.layers && a.mips == b.mips && a.flags == b.flags && a.byte_size == b.byte_size;
+}
+
+std::map<std::string, Resource, std::less<>> shapes_of(const ResolvedGraph& graph, const Pass& pass) {
+  std::map<std::string, Resource, std::less<>> shapes;
+  for (const auto& [port, resource] : pass.ports) shapes.emplace(port, graph.resources[resource]);
+  return shapes;
+}
+
+/// What is joined into a pass's shaders, by name: indices differ from plan to plan.
+std::vector<std::string> providers_of(const ResolvedGraph& graph, const Pass& pass) {
+  std::vector<std::string> names;
+  for (const FunctionBinding& binding : pass.functions) {
+    names.push_back(binding.role);
+    for (const PassIndex index : binding.providers) {
+      const Pass& provider = graph.passes[index];
+      if (!provider.is_pruned) names.push_back(provider.name + " " + provider.entry.technique->id);
+    }
+  }
+  return names;
+}
+
+bool needs_declare(const Technique& technique, const Pass& a, const Pass& b) {
+  for (std::size_t i = 0; i < technique.parameters.size(); ++i) {
+    if ((technique.parameters[i].flags & HEDDLE_PARAMETER_REDECLARE) == 0) continue;
+    if (!(a.parameters[i] == b.parameters[i])) return true;
+  }
+  return false;
+}
+
+}  // namespace
+
+void Executor::State::destroy(PassState& pass) {
+  if (pass.object != nullptr && pass.descriptor->destroy != nullptr) pass.descriptor->destroy(pass.object);
+  pass.object = nullptr;
+  pass.is_prepared = false;
+}
+
+/// Takes the plan down and puts aside what the next may adopt. What a plan that failed half way had adopted goes back.
+void Executor::State::retire() {
+  if (device != nullptr) (void)device->table().DeviceWaitIdle(device->table().device);
+  legacy.has_past = legacy.has_past || (is_planned && !is_fresh);
+  for (PassIndex i = 0; i < passes.size(); ++i) {
+    if (!passes[i]) continue;
+    PassState& pass = *passes[i];
+    const auto known = legacy.passes.find(graph.passes[i].name);
+    const bool is_place_free = known == legacy.passes.end() || !known->second.state;
+    if (!pass.is_prepared || !is_place_free) {
+      destroy(pass);
+      continue;
+    }
+    // What comes back from a plan that failed is what it was before.
+    Legacy::Object made;
+    Legacy::Object& object = pass.is_adopted && known != legacy.passes.end() ? known->second : made;
+    if (&object == &made) {
+      object.pass = graph.passes[i];
+      object.shapes = shapes_of(graph, graph.passes[i]);
+      object.providers = providers_of(graph, graph.passes[i]);
+      object.width = graph.width;
+      object.height = graph.height;
+    }
+    for (ReadBackRing& ring : rings)
+      if (ring.pass == i) object.rings.push_back(std::move(ring));
+    object.state = std::move(passes[i]);
+    if (&object == &made) legacy.passes.insert_or_assign(graph.passes[i].name, std::move(made));
+  }
+  for (ResourceIndex i = 0; i < resources.size(); ++i) {
+    ResourceState& state = resources[i];
+    const bool is_memory = state.image || state.buffer;
+    const bool is_wanted =
+        std::ranges::any_of(wanted, [&](ResourceIndex w) { return resources[w].root == i && state.image; });
+    const bool is_value = graph.resources[i].type == PortType::kValue && state.value.is_set;
+    if (!is_value && !(is_memory && (is_wanted || is_any_version_kept(i)))) continue;
+    legacy.memory.try_emplace(graph.resources[i].name, graph.resources[i], std::move(state));
+  }
+  passes.clear();
+  resources.clear();
+  rings.clear();
+  frame_buffers.clear();
+  heap = {};
+  is_planned = false;
+}
+
+void Executor::State::bury() {
+  for (auto& [name, object] : legacy.passes)
+    if (object.state) destroy(*object.state);
+  legacy = {};
+}
+
+/// The object that a pass of this name had, if nothing but the shapes of its inputs could ask for another. These are
+/// not known yet.
+std::unique_ptr<PassState> Executor::State::adopt_object(PassIndex index) {
+  const Pass& pass = graph.passes[index];
+  const auto found = legacy.passes.find(pass.name);
+  if (found == legacy.passes.end()) return nullptr;
+  Legacy::Object& object = found->second;
+  if (!object.state || object.pass.entry.technique != pass.entry.technique ||
+      object.pass.entry.manifest != pass.entry.manifest || object.width != graph.width ||
+      object.height != graph.height || object.pass.serves != pass.serves ||
+      needs_declare(*pass.entry.technique, object.pass, pass)) {
+    return nullptr;
+  }
+  const auto has_same_name = [](const auto& a, const auto& b) { return a.first == b.first; };
+  if (!std::ranges::equal(object.shapes, pass.ports, has_same_name)) return nullptr;
+  std::unique_ptr<PassState> state = std::move(object.state);
+  state->index = index;
+  state->is_adopted = true;
+  return state;
+}
+
+/// In the order of dependencies. True if the pass was adopted and may stay: its outputs then have the shapes that they
+/// had. Otherwise it has to be made anew.
+bool Executor::State::keep_adopted(PassIndex index) {
+  const Pass& pass = graph.passes[index];
+  PassState& state = *passes[index];
+  if (!state.is_prepared) return false;
+  Legacy::Object& object = legacy.passes.at(pass.name);
+  bool is_same = true;
+  for (const auto& [port, resource] : pass.ports) {
+    const Resource& old = object.shapes.at(port);
+    const Resource& now = graph.resources[resource];
+    const bool is_made = now.producer == index && !pass.inout_sources.contains(port);
+    is_same = is_same && (is_made ? old.type == now.type && old.flags == now.flags && old.is_kept == now.is_kept
+                                  : is_same_shape(old, now));
+  }
+  if (!is_same) return false;
+  for (const auto& [port, resource] : pass.ports) {
+    const Resource& old = object.shapes.at(port);
+    Resource& now = graph.resources[resource];
+    if (now.producer != index || now.type == PortType::kValue) continue;
+    now.format = old.format;
+    now.width = old.width;
+    now.height = old.height;
+    now.layers = old.layers;
+    now.mips = old.mips;
+    now.byte_size = old.byte_size;
+  }
+  for (ReadBackRing& ring : object.rings) {
+    ring.pass = index;
+    rings.push_back(std::move(ring));
+  }
+  object.rings.clear();
+  return true;
+}
+
+/// Contents that outlast frames, where their maker is still the same object.
+void Executor::State::adopt_memory(ResourceIndex index) {
+  const Resource& resource = graph.resources[index];
+  const PassIndex maker =
+      resource.history_of == kNoIndex ? resource.producer : graph.resources[resource.history_of].producer;
+  if (maker == kNoIndex || !passes[maker] || !passes[maker]->is_adopted) return;
+  const auto found = legacy.memory.find(resource.name);
+  if (found == legacy.memory.end() || !is_same_shape(found->second.shape, resource)) return;
+  ResourceState& old = found->second.state;
+  ResourceState& now = resources[index];
+  if (resource.type == PortType::kValue) {
+    now.value = std::move(old.value);
+  } else {
+    now.image = std::move(old.image);
+    now.buffer = std::move(old.buffer);
+    now.layout = old.layout;
+  }
+  now.is_adopted = true;
+  legacy.memory.erase(found);
+}
+
+/// Passes that read, directly or not, of what another pass or object makes now. What they kept may be out of date, and
+/// they cannot know it.
+void Executor::State::find_outdated() {
+  is_outdated.assign(graph.passes.size(), 0);
+  std::vector<PassIndex> due;
+  const auto mark = [&](PassIndex index) {
+    if (is_outdated[index] != 0) return;
+    is_outdated[index] = 1;
+    due.push_back(index);
+  };
+  for (PassIndex i = 0; i < graph.passes.size(); ++i) {
+    if (!passes[i]) continue;
+    const auto old = legacy.passes.find(graph.passes[i].name);
+    if (!passes[i]->is_adopted || old == legacy.passes.end()) {
+      mark(i);
+      continue;
+    }
+    const Legacy::Object& object = old->second;
+    const auto is_moved = [&](const auto& bound) {
+      return object.shapes.at(bound.first).name != graph.resources[bound.second].name;
+    };
+    if (std::ranges::any_of(graph.passes[i].ports, is_moved) || object.pass.parameters != graph.passes[i].parameters ||
+        object.providers != providers_of(graph, graph.passes[i])) {
+      mark(i);
+    }
+  }
+  while (!due.empty()) {
+    const PassIndex changed = due.back();
+    due.pop_back();
+    for (PassIndex i = 0; i < graph.passes.size(); ++i) {
+      const Pass& pass = graph.passes[i];
+      const auto reads = [&](const std::vector<PassIndex>& of) { return std::ranges::find(of, changed) != of.end(); };
+      if (passes[i] && (reads(pass.dependencies) || reads(pass.past_dependencies))) mark(i);
+    }
+  }
+}
+
+/// The pipelines of a shader whose code, formats and constants are what they were.
+bool Executor::State::adopt_pipelines(PassState& pass, ShaderState& made) {
+  const auto found = pass.shaders.find(made.shader->name);
+  if (found == pass.shaders.end()) return false;
+  ShaderState& old = found->second;
+  if (!old.pipeline || old.compiled.spirv != made.compiled.spirv || old.compiled.bindings != made.compiled.bindings ||
+      old.compiled.push_bytes != made.compiled.push_bytes || old.values != made.values || old.raster != made.raster) {
+    return false;
+  }
+  made.pipeline = std::move(old.pipeline);
+  made.masked = std::move(old.masked);
+  return true;
+}
+
+}  // namespace heddle::graph
