@@ -92,7 +92,7 @@ struct heddle_scene {
   heddle_host* host = nullptr;
   heddle::scene::Scene scene;
   heddle::scene::Snapshot snapshot;
-  std::string description;
+  std::string description, files;
 };
 
 struct heddle_graph {
@@ -100,7 +100,9 @@ struct heddle_graph {
   heddle::graph::WrittenGraph written;
   std::vector<std::string> kept;
   std::unique_ptr<heddle::graph::Executor> executor;
-  std::string explanation, stats, check_report;
+  std::function<heddle::graph::WrittenGraph()> read;  // from files, or from the text that was given
+  std::vector<std::string> settings;
+  std::string explanation, stats, check_report, files;
   heddle::graph::Executor::ReadBack read_back;
 };
 
@@ -272,6 +274,12 @@ void resolve_into(heddle_graph& graph, heddle::graph::WrittenGraph written) {
   }
   graph.kept = std::move(kept);
   graph.written = std::move(written);
+}
+
+std::string paths_json(const std::set<std::filesystem::path>& paths) {
+  Json json = Json::array();
+  for (const std::filesystem::path& path : paths) json.push_back(path.string());
+  return heddle::write_json(json);
 }
 
 /// Whether two resolved graphs differ in parameter values alone; then these are set in place.
@@ -664,6 +672,13 @@ heddle_status heddle_scene_describe(heddle_scene* scene, const char** out_json) 
   });
 }
 
+heddle_status heddle_scene_files(heddle_scene* scene, const char** out_json) {
+  return guarded(scene->host->error, [&] {
+    scene->files = paths_json({scene->scene.files.begin(), scene->scene.files.end()});
+    *out_json = scene->files.c_str();
+  });
+}
+
 heddle_status heddle_scene_use_animation(heddle_scene* scene, uint32_t id, uint32_t flags) {
   return guarded(scene->host->error, [&] {
     if (const std::size_t count = scene->scene.animation_count(); id != HEDDLE_NONE && id >= count) {
@@ -701,15 +716,21 @@ heddle_status heddle_scene_triangles(heddle_scene* scene, heddle_triangles* out)
 
 namespace {
 
+heddle::graph::WrittenGraph write_again(const heddle_graph& graph) {
+  heddle::graph::WrittenGraph written = graph.read();
+  for (const std::string& setting : graph.settings) heddle::graph::apply_setting(written, setting);
+  return written;
+}
+
 heddle_status make_graph(heddle_host* host, const char* const* settings, uint32_t setting_count, heddle_graph** out,
                          const std::function<heddle::graph::WrittenGraph()>& read) {
   *out = nullptr;
   return guarded(host->error, [&] {
     auto graph = std::make_unique<heddle_graph>();
     graph->host = host;
-    heddle::graph::WrittenGraph written = read();
-    for (uint32_t i = 0; i < setting_count; ++i) heddle::graph::apply_setting(written, settings[i]);
-    resolve_into(*graph, std::move(written));
+    graph->read = read;
+    graph->settings.assign(settings, settings + setting_count);
+    resolve_into(*graph, write_again(*graph));
     *out = graph.release();
   });
 }
@@ -718,14 +739,14 @@ heddle_status make_graph(heddle_host* host, const char* const* settings, uint32_
 
 heddle_status heddle_graph_load(heddle_host* host, const char* path, const char* const* settings,
                                 uint32_t setting_count, heddle_graph** out) {
-  return make_graph(host, settings, setting_count, out, [&] { return heddle::graph::read_graph(path); });
+  return make_graph(host, settings, setting_count, out, [file = std::string(path)] { return heddle::graph::read_graph(file); });
 }
 
 heddle_status heddle_graph_parse(heddle_host* host, const char* text, const char* name, const char* folder,
                                  const char* const* settings, uint32_t setting_count, heddle_graph** out) {
-  return make_graph(host, settings, setting_count, out, [&] {
-    return heddle::graph::read_extended(heddle::graph::parse(text, name != nullptr ? name : "graph"),
-                                        text_or_empty(folder));
+  const std::string chosen = name != nullptr ? name : "graph";
+  return make_graph(host, settings, setting_count, out, [text = std::string(text), chosen, at = text_or_empty(folder)] {
+    return heddle::graph::read_extended(heddle::graph::parse(text, chosen), at);
   });
 }
 
@@ -757,6 +778,35 @@ heddle_status heddle_graph_set(heddle_graph* graph, const char* setting) {
     } else {
       resolve_into(*graph, std::move(written));
     }
+    graph->settings.emplace_back(setting);
+  });
+}
+
+heddle_status heddle_graph_reload(heddle_graph* graph) {
+  return guarded(graph->host->error, [&] {
+    graph->host->registry->refresh();
+    resolve_into(*graph, write_again(*graph));
+  });
+}
+
+heddle_status heddle_graph_files(heddle_graph* graph, const char** out_json) {
+  return guarded(graph->host->error, [&] {
+    std::set<std::filesystem::path> files(graph->written.files.begin(), graph->written.files.end());
+    const auto add_folder = [&](const std::filesystem::path& folder) {
+      std::error_code error;
+      for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
+           entry.increment(error)) {
+        if (entry->is_regular_file(error)) files.insert(entry->path());
+      }
+    };
+    for (const std::filesystem::path& folder : graph->host->registry->shared_folders()) add_folder(folder);
+    for (const heddle::graph::Pass& pass : graph->executor->graph().passes) {
+      add_folder(pass.entry.manifest->folder);
+      files.insert(pass.entry.manifest->library);
+      if (pass.role != nullptr) files.insert(pass.role->file);
+    }
+    graph->files = paths_json(files);
+    *out_json = graph->files.c_str();
   });
 }
 

@@ -164,6 +164,8 @@ HEDDLE_EXPORT heddle_status heddle_scene_get_camera(heddle_scene* scene, uint32_
 /* Counts, bounds, names of cameras, lights, materials and animations (with their durations), features, as JSON.
  * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_describe(heddle_scene* scene, const char** out_json);
+/* Files that were read for the scene, with those that they name, as a JSON array of paths. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_files(heddle_scene* scene, const char** out_json);
 
 #define HEDDLE_ANIMATION_LOOP 1u /* after its end the animation begins again; else it holds its last pose */
 /* Which animation of its file plays, counted over all loaded files in their order (describe lists them), with
@@ -207,8 +209,15 @@ HEDDLE_EXPORT heddle_status heddle_graph_explain(heddle_graph* graph, const char
 /* Ports that stay readable after a frame, "ao.visibility", beside the graph's own output. Before the first frame, or
  * the graph is planned again. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_keep(heddle_graph* graph, const char* port);
-/* Changes a parameter between frames: "ao.params.radius", "1.5". [main-thread] */
+/* Changes anything between frames, as settings of heddle_graph_load do: "ao.params.radius=1.5", "ao.technique=gtao".
+ * Passes that the change does not touch go on: their objects, pipelines and all that they kept between frames. On an
+ * error the graph is as it was, its last frame included. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_set(heddle_graph* graph, const char* setting);
+/* Reads again what changed on disk since: the graph's files, roles, manifests, libraries and shaders. Settings hold. What
+ * did not change goes on, and on an error everything does, as in heddle_graph_set. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_reload(heddle_graph* graph);
+/* Files that heddle_graph_reload would read, as a JSON array of paths. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_files(heddle_graph* graph, const char** out_json);
 
 #define HEDDLE_RENDER_PROFILE 1u /* submit and wait pass by pass, and time each: slower, for looking */
 #define HEDDLE_RENDER_ANEW 2u    /* render even what is complete and unchanged: for measuring. PROFILE does so too */

@@ -60,7 +60,9 @@ WrittenGraph read_one(const std::filesystem::path& file, const Location& where, 
   const std::string text = read_file(file, where);
   std::error_code error;
   visited.push_back({std::filesystem::weakly_canonical(file, error), file.string()});
-  return read_chain(parse(text, file.string()), file.parent_path(), visited);
+  WrittenGraph written = parse(text, file.string());
+  written.files = {file.string()};
+  return read_chain(std::move(written), file.parent_path(), visited);
 }
 
 WrittenGraph read_chain(WrittenGraph written, const std::filesystem::path& folder, std::vector<Visited>& visited) {
@@ -148,6 +150,7 @@ WrittenGraph read_extended(WrittenGraph written, const std::filesystem::path& fo
 WrittenGraph overlay(WrittenGraph base, WrittenGraph over) {
   Problems problems;
   base.file = over.file;
+  base.files.insert(base.files.end(), over.files.begin(), over.files.end());
   base.extends.reset();
   if (over.extent) base.extent = std::move(over.extent);
   if (over.output) base.output = std::move(over.output);

@@ -44,6 +44,7 @@ struct WrittenPass {
 
 struct WrittenGraph {
   std::string file;
+  std::vector<std::string> files;  // that were read for it: this one and what it extends
   std::optional<Written> extends;
   std::optional<Written> extent;                       // [w, h]
   std::optional<Written> output;                       // "display.color"

@@ -157,10 +157,10 @@ class Contract {
 
 }  // namespace
 
-Registry::Registry(std::vector<std::filesystem::path> folders) {
+Registry::Registry(std::vector<std::filesystem::path> folders) : folders_(std::move(folders)) {
   // All roles first: a folder may bring techniques for the roles of another.
   std::vector<fs::path> role_folders;
-  for (const fs::path& folder : folders) {
+  for (const fs::path& folder : folders_) {
     for (const fs::path& entry : sorted_entries(folder)) {
       if (!fs::is_directory(entry)) continue;
       if (entry.filename() == "shared") {
@@ -177,6 +177,7 @@ Registry::Registry(std::vector<std::filesystem::path> folders) {
   for (const fs::path& folder : role_folders) {
     for (Manifest& found : read_manifests(folder)) {
       const auto& manifest = manifests_.emplace_back(std::make_unique<Manifest>(std::move(found)));
+      stamps_.emplace(manifest.get(), stamp_of(manifest->library));
       Contract contract(roles_, *manifest);
       for (const Technique& described : manifest->techniques) {
         const auto known = techniques_.find(described.id);
@@ -197,6 +198,42 @@ Registry::Registry(std::vector<std::filesystem::path> folders) {
       contract.finish();
     }
   }
+}
+
+Registry::Stamp Registry::stamp_of(const fs::path& library) {
+  std::error_code error;
+  Stamp stamp;
+  stamp.time = fs::last_write_time(library, error);
+  stamp.size = fs::file_size(library, error);
+  return stamp;
+}
+
+void Registry::refresh() {
+  Registry fresh(folders_);
+  shared_folders_ = std::move(fresh.shared_folders_);
+  for (auto role = roles_.begin(); role != roles_.end();) {
+    const auto found = fresh.roles_.find(role->first);
+    const auto here = role++;
+    if (found == fresh.roles_.end() || !(found->second == here->second)) {
+      former_roles_.push_back(roles_.extract(here));
+    }
+  }
+  roles_.merge(fresh.roles_);
+  std::map<std::string, TechniqueEntry, std::less<>> techniques = std::move(fresh.techniques_);
+  for (auto& [id, entry] : techniques) {
+    const auto known = techniques_.find(id);
+    if (known == techniques_.end()) continue;
+    const Manifest& old = *known->second.manifest;
+    const bool is_same = *known->second.technique == *entry.technique && old.library == entry.manifest->library &&
+                         old.folder == entry.manifest->folder && old.abi_major == entry.manifest->abi_major &&
+                         old.abi_minor == entry.manifest->abi_minor &&
+                         stamps_.at(&old) == fresh.stamps_.at(entry.manifest);
+    if (is_same) entry = known->second;
+  }
+  techniques_ = std::move(techniques);
+  std::ranges::move(fresh.manifests_, std::back_inserter(manifests_));
+  std::ranges::move(fresh.completed_, std::back_inserter(completed_));
+  stamps_.merge(fresh.stamps_);
 }
 
 const Role* Registry::find_role(std::string_view name) const {

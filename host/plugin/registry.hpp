@@ -46,17 +46,32 @@ class Registry {
   /// Folders with shared GLSL ("shared/" of each plugin folder), in order of search.
   [[nodiscard]] std::span<const std::filesystem::path> shared_folders() const { return shared_folders_; }
 
+  /// Reads the folders again. Techniques and roles that changed are other objects from now on, as are techniques whose
+  /// library was built again; what did not change stays the same object. Those of before live as long as the registry:
+  /// graphs may still use them. Throws as the constructor does, and then nothing has changed.
+  void refresh();
+
   /// The open library of a technique; opened when nobody has it, closed when the last holder lets go.
   /// Sharers: the passes of all graphs of a host.
   std::shared_ptr<Library> open(const TechniqueEntry& entry);
 
  private:
+  struct Stamp {  // of a library's file
+    std::filesystem::file_time_type time;
+    std::uintmax_t size = 0;
+    bool operator==(const Stamp&) const = default;
+  };
+  static Stamp stamp_of(const std::filesystem::path& library);
+
+  std::vector<std::filesystem::path> folders_;
   std::map<std::string, Role, std::less<>> roles_;
   std::vector<std::unique_ptr<Manifest>> manifests_;   // as the libraries describe themselves
   std::vector<std::unique_ptr<Technique>> completed_;  // the same, with what their roles add
   std::map<std::string, TechniqueEntry, std::less<>> techniques_;
   std::vector<std::filesystem::path> shared_folders_;
   std::map<const Manifest*, std::weak_ptr<Library>> open_;
+  std::map<const Manifest*, Stamp> stamps_;
+  std::vector<std::map<std::string, Role, std::less<>>::node_type> former_roles_;
 };
 
 }  // namespace heddle

@@ -36,6 +36,7 @@ struct RolePort {
   std::array<double, 4> neutral{0, 0, 0, 0};
   std::string glsl;  // buffer, value: members of the block
   std::string help;
+  bool operator==(const RolePort&) const = default;
 };
 
 struct RoleFunction {
@@ -45,11 +46,13 @@ struct RoleFunction {
   std::string unit;
   std::string help;
   std::optional<std::array<double, 2>> range;
+  bool operator==(const RoleFunction&) const = default;
 };
 
 struct HardCase {
   std::string id;
   std::string text;
+  bool operator==(const HardCase&) const = default;
 };
 
 struct Role {
@@ -74,6 +77,7 @@ struct Role {
   std::map<std::string, std::string> physical_params;
 
   [[nodiscard]] const RolePort* find_port(std::string_view port) const;
+  bool operator==(const Role&) const = default;
 };
 
 // ---- from a descriptor ----

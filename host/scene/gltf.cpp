@@ -360,7 +360,9 @@ class FileImport {
 void load_gltf(Scene& scene, const std::filesystem::path& file, const LoadLimits& limits) {
   Scene loaded;
   loaded.time = scene.time;
-  gltf::FileImport(gltf::open_document(file, limits), loaded).run();
+  gltf::Document document = gltf::open_document(file, limits);
+  loaded.files = document.files;
+  gltf::FileImport(std::move(document), loaded).run();
   merge(scene, std::move(loaded));
 }
 

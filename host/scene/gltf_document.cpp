@@ -174,6 +174,7 @@ struct Folder {
     of(user).document->spend(error_code ? 0 : size, fmt::format("'{}'", shortened(path)));
     try {
       *bytes = read_whole(path);
+      of(user).document->files.emplace_back(path);
     } catch (const Error& thrown) {
       *error = thrown.what();
       return false;
@@ -413,6 +414,7 @@ void Document::fail(std::string message, std::string found, std::string expected
 Document open_document(const std::filesystem::path& file, const LoadLimits& limits) {
   Document document;
   document.file = file.string();
+  document.files.push_back(file);
   document.limits = limits;
   std::error_code error_code;
   if (const std::uintmax_t size = std::filesystem::file_size(file, error_code); !error_code) {

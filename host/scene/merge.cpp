@@ -17,6 +17,7 @@ void append(std::vector<Element>& to, std::vector<Element>& from) {
 }  // namespace
 
 void merge(Scene& scene, Scene loaded) {
+  scene.files.insert(scene.files.end(), loaded.files.begin(), loaded.files.end());
   const auto textures = static_cast<std::uint32_t>(scene.textures.size());
   const auto materials = static_cast<std::uint32_t>(scene.materials.size());
   const auto meshes = static_cast<std::uint32_t>(scene.meshes.size());

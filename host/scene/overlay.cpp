@@ -517,6 +517,7 @@ void load_overlay(Scene& scene, const std::filesystem::path& file, const LoadLim
   if (base) {
     merge(scene, std::move(loaded));
   }
+  scene.files.push_back(file);
 }
 
 }  // namespace heddle::scene

@@ -97,6 +97,8 @@ class Scene {
   std::uint64_t content_revision = new_revision();
   std::uint64_t motion_revision = new_revision();
 
+  std::vector<std::filesystem::path> files;  // that were read, with those that they name
+
   /// What loaded files asked for and did not get: skipped primitives, extensions that nobody here knows.
   std::vector<std::string> warnings;
   std::vector<std::string> ignored_extensions;
