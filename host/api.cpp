@@ -23,6 +23,7 @@
 #include <cstring>
 #include <functional>
 #include <limits>
+#include <set>
 #include <span>
 
 using heddle::Error;
@@ -796,7 +797,9 @@ heddle_status heddle_graph_files(heddle_graph* graph, const char** out_json) {
       std::error_code error;
       for (std::filesystem::directory_iterator entry(folder, error), end; !error && entry != end;
            entry.increment(error)) {
-        if (entry->is_regular_file(error)) files.insert(entry->path());
+        // Not what editors leave beside them.
+        const std::string kind = entry->path().extension().string();
+        if (kind == ".glsl" || kind == ".json" || kind == ".toml") files.insert(entry->path());
       }
     };
     for (const std::filesystem::path& folder : graph->host->registry->shared_folders()) add_folder(folder);
@@ -889,6 +892,11 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
     json["memory"] = {{"transient_bytes", stats.heap_bytes},
                       {"transient_bytes_without_aliasing", stats.unaliased_bytes},
                       {"kept_bytes", stats.kept_bytes}};
+    json["plan"] = {{"passes_made", stats.plan.passes_made},
+                    {"passes_kept", stats.plan.passes_kept},
+                    {"pipelines_made", stats.plan.pipelines_made},
+                    {"pipelines_kept", stats.plan.pipelines_kept},
+                    {"wall_ms", stats.plan.wall_ms}};
     json["libraries"] = stats.libraries;
     if (graph->host->device) json["device"] = device_json(graph->host->device->info());
     graph->stats = write_json(json, 2);

@@ -37,6 +37,12 @@ struct LoopProgress {
   std::uint32_t done = 0, total = 0;  // iterations
 };
 
+/// What the last planning of a graph made and what it took over from the plan before.
+struct PlanStats {
+  std::uint32_t passes_made = 0, passes_kept = 0, pipelines_made = 0, pipelines_kept = 0;
+  double wall_ms = 0;
+};
+
 struct FrameStats {
   std::uint64_t frame = 0;
   double wall_ms = 0;             // recording and running
@@ -47,6 +53,7 @@ struct FrameStats {
   vulkan::Counters before, after;
   std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;
   std::vector<std::string> libraries;  // open for this graph
+  PlanStats plan;
 };
 
 /// What Executor::check did, when it found nothing.

@@ -6,6 +6,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
 
 namespace heddle::graph {
@@ -99,6 +100,8 @@ void Executor::State::unplan() {
 /// Throws with everything taken down to what the next plan may adopt.
 void Executor::State::plan(const std::vector<std::string>& features) {
   const std::vector<std::string> planned = features;  // may be planned_features
+  const auto start = std::chrono::steady_clock::now();
+  stats.plan = {};
   try {
     plan_memory(planned);
     is_fresh = !legacy.has_past;
@@ -121,6 +124,9 @@ void Executor::State::plan(const std::vector<std::string>& features) {
   }
   find_outdated();
   bury();
+  for (const auto& pass : passes)
+    if (pass) ++(pass->is_adopted ? stats.plan.passes_kept : stats.plan.passes_made);
+  stats.plan.wall_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   is_changed = true;
   is_planned = true;
 }
@@ -545,7 +551,12 @@ void Executor::State::compile_passes() {
         made.compiled.kind = ShaderKind::kSurfaces;
       }
       made.values = constants(made.compiled);
-      if (!adopt_pipelines(*state, made)) make_pipelines(made);
+      if (adopt_pipelines(*state, made)) {
+        ++stats.plan.pipelines_kept;
+      } else {
+        make_pipelines(made);
+        ++stats.plan.pipelines_made;
+      }
       shaders.emplace(shader.name, std::move(made));
     }
     state->shaders = std::move(shaders);
