@@ -41,7 +41,9 @@ class Weaver {
       const std::pair change(source->second, pass.ports.at(one.output));
       woven.overrides.push_back(change);
       for (PassIndex p = 0; p < graph_.passes.size(); ++p)
-        if (leads_there[p] && p != index && rebind(graph_.passes[p], change.first, change.second)) is_body[p] = true;
+        if (leads_there[p] && p != index && p != graph_.resources[change.first].producer &&
+            rebind(graph_.passes[p], change.first, change.second))
+          is_body[p] = true;
     }
     // Whoever needs a pass of the body and leads to what is gathered is in the body too.
     for (bool grows = true; grows;) {

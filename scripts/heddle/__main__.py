@@ -119,6 +119,10 @@ def run(arguments: argparse.Namespace) -> int:
                 for stage in stats["stages"]:
                     print(f"{stage['pass']:<16} {stage['stage']:<16} {stage['wall_ms']:10.3f} ms wall "
                           f"{stage['cpu_ms']:10.3f} ms CPU")
+            for loop in stats["loops"]:
+                is_complete = loop["done"] == loop["total"]
+                say(arguments, f"loop of pass '{loop['pass']}': {loop['done']} of {loop['total']} iterations" +
+                    ("" if is_complete else "; more --frames go on where nothing changes, as with --time-step 0"))
             say(arguments, f"frame {arguments.frames} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms")
     return 0
 
@@ -158,7 +162,7 @@ def compare(arguments: argparse.Namespace) -> int:
                 graph.render(scene, time=arguments.time, seed=arguments.seed)  # compiles: not timed
             for repeat in range(arguments.repeats):
                 for index in ((0, 1) if repeat % 2 == 0 else (1, 0)):
-                    graphs[index].render(scene, time=arguments.time, seed=arguments.seed)
+                    graphs[index].render(scene, time=arguments.time, seed=arguments.seed, anew=True)
                     times[index].append(graphs[index].stats()["submit_ms"])
             images = [graph.read(arguments.port) for graph in graphs]
             for name, graph, image in zip(names, graphs, images):
