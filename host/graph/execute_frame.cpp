@@ -382,6 +382,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     s.frame_buffers.clear();
     s.view_count = 0;
     s.drawn_layers.clear();
+    s.looks.clear();
     s.program_set = VK_NULL_HANDLE;
     s.errors.clear();
     s.stats.stages.clear();
@@ -399,9 +400,11 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     for (std::uint32_t i = 0; i < s.order.stages.size(); ++i) {
       const auto stage_start = Clock::now();
       const double cpu_start = process_cpu_ms();
+      s.stop_if_cancelled();
       s.poison_around(i, true);
       s.run_stage(i);
       s.scan_outputs(i);
+      s.look_at_outputs(i);
       s.poison_around(i, false);
       if (options.profile) {
         s.submit_and_wait();
@@ -412,6 +415,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
                                   milliseconds_since(stage_start), process_cpu_ms() - cpu_start});
       }
     }
+    s.stop_if_cancelled();
     s.label_commands(nullptr);
     s.record_barriers(s.barriers.at_end);
     s.submit_and_wait();
