@@ -2,13 +2,17 @@
 // The C API of heddle.h on top of the host: objects, status codes, messages. Nothing throws out of here.
 
 #include "compare/metrics.hpp"
+#include "graph/describe.hpp"
 #include "graph/execute.hpp"
+#include "graph/inspection.hpp"
+#include "graph/schema.hpp"
 #include "image/image.hpp"
 #include "json.hpp"
 #include "plugin/list.hpp"
 #include "scene/arrays.hpp"
 #include "scene/overlay.hpp"
 #include "scene/scene.hpp"
+#include "scene/schema.hpp"
 #include "scene/upload.hpp"
 
 #include <heddle/heddle.h>
@@ -18,6 +22,7 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -51,13 +56,13 @@ std::string_view environment(const char* name) {
   return value != nullptr ? value : "";
 }
 
-/// The folder of plugins beside libheddle.so: lib/heddle/plugins.
-std::filesystem::path own_plugin_folder() {
+/// The folder beside libheddle.so with plugins/ and graphs/: lib/heddle.
+std::filesystem::path own_folder() {
   Dl_info info{};
   if (dladdr(reinterpret_cast<const void*>(&heddle_version), &info) == 0 || info.dli_fname == nullptr) return {};
   std::error_code ignored;
   const std::filesystem::path library = std::filesystem::canonical(info.dli_fname, ignored);
-  return library.parent_path() / "heddle" / "plugins";
+  return library.parent_path() / "heddle";
 }
 
 std::filesystem::path default_cache_folder() {
@@ -74,11 +79,12 @@ struct heddle_host {
   std::string device_name;
   bool validation = false;
   bool check = false;
+  std::atomic<bool> is_cancelled{false};
   std::unique_ptr<heddle::Registry> registry;
   std::unique_ptr<heddle::vulkan::Device> device;
   std::unique_ptr<heddle::graph::HostServices> services;
   std::string error;
-  std::string list_text, devices_text, doctor_text, compare_text;
+  std::string list_text, devices_text, doctor_text, compare_text, schema_text;
   heddle::image::Image image;
 
   heddle::vulkan::Device& open_device() {
@@ -103,7 +109,7 @@ struct heddle_graph {
   std::unique_ptr<heddle::graph::Executor> executor;
   std::function<heddle::graph::WrittenGraph()> read;  // from files, or from the text that was given
   std::vector<std::string> settings;
-  std::string explanation, stats, check_report, files;
+  std::string explanation, pass_explanation, description, stats, check_report, inspection, files;
   heddle::graph::Executor::ReadBack read_back;
 };
 
@@ -254,6 +260,8 @@ void check_camera(const heddle_camera& camera) {
 /// What was rendered so far goes on where it can: an executor is made once for a graph.
 void resolve_into(heddle_graph& graph, heddle::graph::WrittenGraph written) {
   heddle::graph::ResolvedGraph resolved = heddle::graph::resolve(written, *graph.host->registry);
+  for (const heddle::Diagnostic& warning : resolved.warnings)
+    graph.host->log(Severity::kWarning, heddle::to_text(warning));
   std::vector<std::string> kept;
   for (const std::string& port : graph.kept) {
     const bool is_made = std::ranges::any_of(resolved.resources, [&](const heddle::graph::Resource& resource) {
@@ -403,13 +411,13 @@ heddle_status heddle_create(const heddle_host_options* options, heddle_host** ou
       folders = split_path(chosen.plugin_path);
     } else {
       folders = split_path(environment("HEDDLE_PLUGIN_PATH"));
-      folders.push_back(own_plugin_folder());
+      folders.push_back(own_folder() / "plugins");
     }
     host->registry = std::make_unique<heddle::Registry>(std::move(folders));
     const std::filesystem::path cache = chosen.cache_path != nullptr ? chosen.cache_path : default_cache_folder();
     host->services = std::make_unique<heddle::graph::HostServices>(heddle::graph::HostServices{
         *host->registry, [raw = host.get()]() -> heddle::vulkan::Device& { return raw->open_device(); }, cache,
-        host->log});
+        host->log, &host->is_cancelled});
     *out = host.release();
   });
 }
@@ -422,10 +430,27 @@ const char* heddle_error(const heddle_host* host) {
   return host != nullptr ? host->error.c_str() : create_error.c_str();
 }
 
+void heddle_cancel(heddle_host* host) {
+  static_assert(std::atomic<bool>::is_always_lock_free);
+  host->is_cancelled.store(true);
+}
+
 heddle_status heddle_list(heddle_host* host, const char** out_json) {
   return guarded(host->error, [&] {
     host->list_text = heddle::list_json(*host->registry);
     *out_json = host->list_text.c_str();
+  });
+}
+
+heddle_status heddle_schema(heddle_host* host, const char* kind, const char** out_json) {
+  return guarded(host->error, [&] {
+    const std::string_view name = kind;
+    if (name != "graph" && name != "scene") {
+      throw Error(HEDDLE_BAD_INPUT, fmt::format("there is no schema of '{}'", name), "one of graph, scene");
+    }
+    host->schema_text =
+        write_json(name == "graph" ? heddle::graph::schema(*host->registry) : heddle::scene::overlay_schema(), 2);
+    *out_json = host->schema_text.c_str();
   });
 }
 
@@ -740,14 +765,16 @@ heddle_status make_graph(heddle_host* host, const char* const* settings, uint32_
 
 heddle_status heddle_graph_load(heddle_host* host, const char* path, const char* const* settings,
                                 uint32_t setting_count, heddle_graph** out) {
-  return make_graph(host, settings, setting_count, out, [file = std::string(path)] { return heddle::graph::read_graph(file); });
+  return make_graph(host, settings, setting_count, out, [file = std::string(path)] {
+    return heddle::graph::read_graph(file, own_folder() / "graphs");
+  });
 }
 
 heddle_status heddle_graph_parse(heddle_host* host, const char* text, const char* name, const char* folder,
                                  const char* const* settings, uint32_t setting_count, heddle_graph** out) {
   const std::string chosen = name != nullptr ? name : "graph";
   return make_graph(host, settings, setting_count, out, [text = std::string(text), chosen, at = text_or_empty(folder)] {
-    return heddle::graph::read_extended(heddle::graph::parse(text, chosen), at);
+    return heddle::graph::read_extended(heddle::graph::parse(text, chosen), at, own_folder() / "graphs");
   });
 }
 
@@ -759,6 +786,21 @@ heddle_status heddle_graph_explain(heddle_graph* graph, const char* format, cons
   return guarded(graph->host->error, [&] {
     graph->explanation = graph->executor->explain(format);
     *out = graph->explanation.c_str();
+  });
+}
+
+heddle_status heddle_graph_explain_pass(heddle_graph* graph, const char* pass, const char* format, const char** out) {
+  return guarded(graph->host->error, [&] {
+    graph->pass_explanation = graph->executor->explain_pass(graph->written, pass, format);
+    *out = graph->pass_explanation.c_str();
+  });
+}
+
+heddle_status heddle_graph_describe(heddle_graph* graph, const char** out_json) {
+  return guarded(graph->host->error, [&] {
+    const heddle::graph::ResolvedGraph resolved = heddle::graph::resolve(graph->written, *graph->host->registry);
+    graph->description = write_json(heddle::graph::describe(graph->written, resolved), 2);
+    *out_json = graph->description.c_str();
   });
 }
 
@@ -831,14 +873,21 @@ heddle::graph::FrameOptions frame_options(const heddle_render_options* options) 
   return frame;
 }
 
+/// Poses the scene for a frame.
+heddle::graph::FrameOptions prepare_frame(heddle_graph& graph, heddle_scene& scene,
+                                          const heddle_render_options* options) {
+  const heddle::graph::FrameOptions frame = frame_options(options);
+  if (options != nullptr) scene.scene.set_time(frame.time);
+  // A graph's first frame has no past either.
+  if (frame.cut || graph.executor->stats().frame == 0) scene.scene.settle();
+  return frame;
+}
+
 }  // namespace
 
 heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene, const heddle_render_options* options) {
   return guarded(graph->host->error, [&] {
-    const heddle::graph::FrameOptions frame = frame_options(options);
-    if (options != nullptr) scene->scene.set_time(frame.time);
-    // A graph's first frame has no past either.
-    if (frame.cut || graph->executor->stats().frame == 0) scene->scene.settle();
+    const heddle::graph::FrameOptions frame = prepare_frame(*graph, *scene, options);
     graph->executor->render(scene->scene, frame);
     scene->scene.settle();
   });
@@ -863,6 +912,24 @@ heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene, const
     json["compared"] = report.compared;
     graph->check_report = write_json(json, 2);
     *out_json = graph->check_report.c_str();
+  });
+}
+
+heddle_status heddle_inspect(heddle_graph* graph, heddle_scene* scene, const heddle_render_options* options,
+                             const uint32_t* pixels, uint32_t pixel_count, const char* format, const char** out) {
+  return guarded(graph->host->error, [&] {
+    const std::string_view kind = format;
+    if (kind != "text" && kind != "json") {
+      throw Error(HEDDLE_BAD_INPUT, fmt::format("unknown format '{}' of an inspection", kind), "one of text, json");
+    }
+    if (pixel_count == 0) throw Error(HEDDLE_BAD_INPUT, "no pixel was named to inspect");
+    std::vector<heddle::graph::Pixel> wanted;
+    for (uint32_t i = 0; i < pixel_count; ++i) wanted.push_back({pixels[2 * i], pixels[2 * i + 1]});
+    const heddle::graph::FrameOptions frame = prepare_frame(*graph, *scene, options);
+    const Json seen = graph->executor->inspect(scene->scene, frame, std::move(wanted));
+    scene->scene.settle();
+    graph->inspection = kind == "json" ? write_json(seen, 2) : heddle::graph::inspection_text(seen);
+    *out = graph->inspection.c_str();
   });
 }
 

@@ -18,6 +18,9 @@ typedef struct heddle_host heddle_host;
 typedef struct heddle_scene heddle_scene;
 typedef struct heddle_graph heddle_graph;
 
+/* Beside the statuses of abi.h: heddle_cancel asked for it. The command then exits with 130. */
+#define HEDDLE_CANCELLED 6
+
 /* ---- Host --------------------------------------------------------------------------------------------------------- */
 #define HEDDLE_HOST_VALIDATION 1u /* Vulkan validation layer, with synchronization checks; its messages become errors */
 /* Each frame is proven: every read-after-write, write-after-read, write-after-write and layout of the commands recorded
@@ -47,8 +50,15 @@ HEDDLE_EXPORT heddle_status heddle_create(const heddle_host_options* options, he
 HEDDLE_EXPORT void heddle_destroy(heddle_host* host);
 /* Message of the last call on this host that failed; "" if none. [main-thread] */
 HEDDLE_EXPORT const char* heddle_error(const heddle_host* host);
+/* The heddle_render, heddle_inspect or heddle_graph_check that runs, or else the next one, stops before its next stage or
+ * shader and returns HEDDLE_CANCELLED; what the GPU has begun is waited for. What the graph kept of earlier frames is
+ * lost. Touches one atomic flag: may be called in a signal handler. [any-thread] */
+HEDDLE_EXPORT void heddle_cancel(heddle_host* host);
 /* Techniques and roles, from manifests alone, as JSON: {"roles": [...], "techniques": [...]}. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_list(heddle_host* host, const char** out_json);
+/* A JSON Schema (draft 7) for editors: of "graph" files, made from roles and manifests alone, or of "scene" overlays.
+ * [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_schema(heddle_host* host, const char* kind, const char** out_json);
 /* Vulkan devices as JSON. Opens Vulkan's loader, creates no device. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_devices(heddle_host* host, const char** out_json);
 /* Driver, layers, optional libraries, and for each technique whether it runs on the chosen device, and if not, what
@@ -206,6 +216,15 @@ HEDDLE_EXPORT void heddle_graph_destroy(heddle_graph* graph);
  * or "dot". Before the first frame: for a scene with every feature; this opens the device and the plugins, which alone
  * know how large things are. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_explain(heddle_graph* graph, const char* format, const char** out);
+/* Why one pass runs or does not (who reads what it makes, down to the output; or what rules it out), why it stands where
+ * it stands in the order, and where each of its settings comes from; format "text" or "json". Planned as for
+ * heddle_graph_explain. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_explain_pass(heddle_graph* graph, const char* pass, const char* format,
+                                                      const char** out);
+/* What the graph says, without planning it: {"file", "extent", "output", "presets", "passes": [{"name", "role",
+ * "technique", "is_left_out", "parameters", "inputs"}], "ports": [{"name", "type"}]} as JSON. Opens no device and no
+ * plugin. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_describe(heddle_graph* graph, const char** out_json);
 /* Ports that stay readable after a frame, "ao.visibility", beside the graph's own output. Before the first frame, or
  * the graph is planned again. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_keep(heddle_graph* graph, const char* port);
@@ -245,6 +264,16 @@ HEDDLE_EXPORT heddle_status heddle_render(heddle_graph* graph, heddle_scene* sce
 HEDDLE_EXPORT heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene,
                                                const heddle_render_options* options, uint32_t frames,
                                                const char** out_json);
+/* Renders one frame, as heddle_render does, and says what every image port held at some pixels of the frame (x, y from the
+ * top left; 2 * pixel_count numbers): each version where a stage finished it, in the order of execution, kept or not. Ports
+ * of another resolution show the texel under the pixel's centre; ports with an extent of their own (shadow maps) are named
+ * without values; sRGB formats as stored. format "text", or "json": {"extent", "frame", "pixels": [{"pixel": [x, y],
+ * "ports": [{"name", "pass", "port", "technique", "place", "stage", "format", "extent", "unit", "encoding", "changes",
+ * "texel", "layers": [{"values", "problems": [{"channel", "problem"}]}]}]}]}; what JSON lacks is "nan", "inf", "-inf".
+ * [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_inspect(heddle_graph* graph, heddle_scene* scene,
+                                           const heddle_render_options* options, const uint32_t* pixels,
+                                           uint32_t pixel_count, const char* format, const char** out);
 /* Pixels of a kept port or of the output (NULL) after a frame, as float32 (unorm as 0..1), layer and mip chosen.
  * out->pixels belongs to the graph. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_read(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,

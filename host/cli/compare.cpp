@@ -2,6 +2,7 @@
 // heddle compare: two image files, or one graph with two techniques of a role: images, difference, numbers, times.
 
 #include "cli/session.hpp"
+#include "cli/stop.hpp"
 #include "json.hpp"
 
 #include <fmt/format.h>
@@ -142,6 +143,7 @@ int compare_techniques(CompareArguments& arguments) {
   options.seed = arguments.seed;
   options.flags = HEDDLE_RENDER_ANEW;  // a frame that has nothing left to do would be timed as nothing
   const auto render = [&](Variant& variant, bool is_timed) {
+    stop_if_asked();
     check(host.get(), heddle_render(variant.graph.get(), scene.get(), &options));
     const char* text = nullptr;
     check(host.get(), heddle_stats(variant.graph.get(), &text));
@@ -157,6 +159,7 @@ int compare_techniques(CompareArguments& arguments) {
   const std::filesystem::path folder = arguments.folder;
   const bool shows_output = arguments.port.empty();
   for (Variant& variant : variants) {
+    stop_if_asked();
     variant.image.struct_size = sizeof variant.image;
     check(host.get(),
           heddle_read(variant.graph.get(), shows_output ? nullptr : arguments.port.c_str(), 0, 0, &variant.image));

@@ -14,6 +14,7 @@ namespace {
 
 struct ExplainArguments : RenderArguments {
   std::string format = "text";
+  std::string pass;
 };
 
 int explain(ExplainArguments& arguments) {
@@ -26,7 +27,9 @@ int explain(ExplainArguments& arguments) {
     check(host.get(), heddle_render(graph.get(), scene.get(), nullptr));
   }
   const char* text = nullptr;
-  check(host.get(), heddle_graph_explain(graph.get(), arguments.format.c_str(), &text));
+  check(host.get(), arguments.pass.empty() ? heddle_graph_explain(graph.get(), arguments.format.c_str(), &text)
+                                           : heddle_graph_explain_pass(graph.get(), arguments.pass.c_str(),
+                                                                       arguments.format.c_str(), &text));
   fmt::print("{}\n", text);
   return HEDDLE_OK;
 }
@@ -40,6 +43,9 @@ void add_explain(CLI::App& app, int* exit_status) {
   arguments->add_to(*command);
   command->add_option("--format", arguments->format, "text, json or dot")
       ->check(CLI::IsMember({"text", "json", "dot"}));
+  command->add_option("--why", arguments->pass,
+                      "explain one PASS: why it runs or does not, why it stands where it stands, and where each of its "
+                      "settings comes from; text or json");
   command->callback([arguments, exit_status] { *exit_status = explain(*arguments); });
 }
 

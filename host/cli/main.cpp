@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The command `heddle`: an application of heddle.h like any other.
 
+#include "cli/completion.hpp"
 #include "cli/new_technique.hpp"
 #include "cli/session.hpp"
+#include "cli/stop.hpp"
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
+#include <array>
 #include <cstdio>
 #include <exception>
 
@@ -15,15 +19,17 @@ int main(int argc, char** argv) {
       "Heddle: weave rendering techniques into frame graphs, swap them by a word, and see what accuracy costs"};
   app.set_version_flag("--version", std::string("heddle ") + heddle_version());
   app.require_subcommand(1);
-  app.footer("Exit status: 0 right; 1 a bound was exceeded; 2 bad input; 3 unsupported here; 4 failed; 5 a bug.");
+  app.footer(
+      "Exit status: 0 right; 1 a bound was exceeded; 2 bad input; 3 unsupported here; 4 failed; 5 a bug; 130 stopped "
+      "by "
+      "Ctrl-C or SIGTERM, with every file whole or not there; a second signal ends it at once.");
   int status = HEDDLE_OK;
   try {
     // A scene in Python is known by its name alone: before anything else is opened.
     for (int i = 1; i < argc; ++i) {
       const std::string_view word = argv[i];
-      if (i > 1 && word.ends_with(".py") &&
-          (std::string_view(argv[1]) == "run" || std::string_view(argv[1]) == "compare" ||
-           std::string_view(argv[1]) == "check")) {
+      constexpr std::array<std::string_view, 5> kRenders{"run", "compare", "check", "explain", "inspect"};
+      if (i > 1 && word.ends_with(".py") && std::ranges::find(kRenders, argv[1]) != kRenders.end()) {
         heddle::cli::run_in_python(argc, argv);
       }
     }
@@ -31,13 +37,25 @@ int main(int argc, char** argv) {
     heddle::cli::add_compare(app, &status);
     heddle::cli::add_check(app, &status);
     heddle::cli::add_explain(app, &status);
+    heddle::cli::add_inspect(app, &status);
     heddle::cli::add_list(app, &status);
     heddle::cli::add_doctor(app, &status);
     heddle::cli::add_new_technique(app);
+    heddle::cli::add_schema(app, &status);
+    heddle::cli::add_completion(app, &status);
+    // Its words are a line that is being written, no arguments.
+    if (argc > 1 && std::string_view(argv[1]) == "complete") {
+      heddle::cli::complete(app, {argv + 2, argv + argc});
+      return HEDDLE_OK;
+    }
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return error.get_exit_code() == 0 ? app.exit(error) : (app.exit(error), HEDDLE_BAD_INPUT);
   } catch (const heddle::cli::Failure& failure) {
+    if (failure.status == HEDDLE_CANCELLED) {
+      fmt::print(stderr, "stopped\n");
+      return heddle::cli::kStoppedStatus;
+    }
     fmt::print(stderr, "{}\n", failure.message);
     return failure.status;
   } catch (const std::exception& error) {

@@ -40,13 +40,6 @@ const Json& find_role(const Json& list, const std::string& name) {
                                               name, fmt::join(names, ", "))};
 }
 
-void write_file(const fs::path& file, const std::string& text) {
-  std::ofstream stream(file, std::ios::binary);
-  stream << text;
-  stream.close();
-  if (!stream) throw Failure{HEDDLE_FAILED, fmt::format("{}: error: cannot write this file", file.string())};
-}
-
 void write_folder(const fs::path& folder, const std::vector<TemplateFile>& files) {
   std::error_code error;
   if (fs::exists(folder)) {

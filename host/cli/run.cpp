@@ -2,13 +2,13 @@
 // heddle run: renders a scene through a graph and writes images of its ports.
 
 #include "cli/session.hpp"
+#include "cli/stop.hpp"
 #include "json.hpp"
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <fstream>
 #include <memory>
 #include <optional>
 
@@ -62,6 +62,19 @@ void print_stages(const Json& stats) {
   fmt::print("Each stage was submitted and waited for alone; their sum is not a frame's time.\n");
 }
 
+/// Wall times of frames: the first, which compiles, apart from those after it.
+Json times_of(std::vector<double> frame_ms) {
+  Json times{{"frames", frame_ms.size()}, {"first_ms", frame_ms.front()}};
+  frame_ms.erase(frame_ms.begin());
+  if (frame_ms.empty()) return times;
+  std::sort(frame_ms.begin(), frame_ms.end());
+  const std::size_t middle = frame_ms.size() / 2;
+  times["median_ms"] = frame_ms.size() % 2 != 0 ? frame_ms[middle] : 0.5 * (frame_ms[middle - 1] + frame_ms[middle]);
+  times["minimum_ms"] = frame_ms.front();
+  times["maximum_ms"] = frame_ms.back();
+  return times;
+}
+
 int run(RunArguments& arguments) {
   arguments.sort_files();
   // What a frame leaves to the next one comes round in the third.
@@ -88,13 +101,18 @@ int run(RunArguments& arguments) {
   options.seed = arguments.seed;
   options.time_step = arguments.time_step;
   const char* text = nullptr;
+  std::vector<double> frame_ms;
   for (int frame = 0; frame < arguments.frames; ++frame) {
     const bool is_last = frame + 1 == arguments.frames;
+    stop_if_asked();
     options.time = arguments.time + frame * arguments.time_step;
     options.flags = arguments.profile && is_last ? HEDDLE_RENDER_PROFILE : 0U;
     check(host.get(), heddle_render(graph.get(), scene.get(), &options));
+    check(host.get(), heddle_stats(graph.get(), &text));
+    frame_ms.push_back(parse_json(text)["wall_ms"].get<double>());
     for (const Output& output : outputs) {
       if (!is_last && !number_place(output.file.string())) continue;
+      stop_if_asked();
       const std::filesystem::path file = frame_file(output.file, frame);
       write_port(host.get(), graph.get(), output.port, file);
       say(arguments.host, fmt::format("wrote {}", file.string()));
@@ -105,16 +123,13 @@ int run(RunArguments& arguments) {
         fmt::format("checked {} frames: every hazard and layout is covered, and every pass keeps to its "
                     "role's numbers",
                     arguments.frames));
-  check(host.get(), heddle_stats(graph.get(), &text));
-  const std::string stats = text;
-  if (!arguments.stats.empty()) {
-    if (arguments.stats == "-") {
-      fmt::print("{}\n", stats);
-    } else if (!(std::ofstream(arguments.stats) << stats << '\n')) {
-      throw Failure{HEDDLE_FAILED, fmt::format("error: cannot write '{}'", arguments.stats)};
-    }
+  Json parsed = parse_json(text);
+  parsed["run"] = times_of(frame_ms);
+  if (arguments.stats == "-") {
+    fmt::print("{}\n", write_json(parsed, 2));
+  } else if (!arguments.stats.empty()) {
+    write_file(arguments.stats, write_json(parsed, 2) + "\n");
   }
-  const Json parsed = parse_json(stats);
   if (arguments.profile) print_stages(parsed);
   for (const Json& loop : parsed["loops"]) {
     const bool is_complete = loop["done"] == loop["total"];
@@ -128,6 +143,11 @@ int run(RunArguments& arguments) {
                   arguments.frames, parsed["device"]["name"].get<std::string>(), parsed["wall_ms"].get<double>(),
                   parsed["memory"]["transient_bytes"].get<double>() / 1048576.0,
                   parsed["memory"]["transient_bytes_without_aliasing"].get<double>() / 1048576.0));
+  if (parsed["run"].contains("median_ms"))
+    say(arguments.host,
+        fmt::format("{} frames: first {:.1f} ms; then median {:.1f} ms ({:.1f} to {:.1f})", arguments.frames,
+                    parsed["run"]["first_ms"].get<double>(), parsed["run"]["median_ms"].get<double>(),
+                    parsed["run"]["minimum_ms"].get<double>(), parsed["run"]["maximum_ms"].get<double>()));
   return HEDDLE_OK;
 }
 
@@ -145,7 +165,9 @@ void add_run(CLI::App& app, int* exit_status) {
       ->take_all()
       ->allow_extra_args(false);
   command->add_option("--time-step", arguments->time_step, "seconds of scene time from frame to frame (default: 1/60)");
-  command->add_option("--stats", arguments->stats, "write counters, memory and times as JSON; - for standard output");
+  command->add_option(
+      "--stats", arguments->stats,
+      "write counters, memory and times as JSON (of the last frame; \"run\": of all); - for standard output");
   command->add_flag("--profile", arguments->profile, "time the last frame stage by stage");
   command->add_flag(
       "--check", arguments->host.check,

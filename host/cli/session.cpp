@@ -2,6 +2,7 @@
 // Owners, arguments and files for the subcommands.
 
 #include "cli/session.hpp"
+#include "cli/stop.hpp"
 #include "json.hpp"
 
 #include <fmt/format.h>
@@ -11,6 +12,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 
 namespace heddle::cli {
 
@@ -25,12 +27,6 @@ void log_to_stderr(void* user, std::uint32_t severity, const char* text) {
 std::filesystem::path program_folder() {
   std::error_code ignored;
   return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path();
-}
-
-/// Graphs that come with Heddle: beside the libraries, lib/heddle/graphs.
-std::filesystem::path shipped_graph(const std::string& name) {
-  return program_folder().parent_path() / "lib" / "heddle" / "graphs" /
-         (name.ends_with(".toml") ? name : name + ".toml");
 }
 
 /// Index of what was asked for by name or number.
@@ -54,12 +50,17 @@ bool is_scene(const std::string& file) {
 
 }  // namespace
 
+void Destroy::operator()(heddle_host* host) const {
+  stop_on_signals(nullptr);
+  heddle_destroy(host);
+}
+
 void check(const heddle_host* host, heddle_status status) {
   if (status != HEDDLE_OK) throw Failure{status, heddle_error(host)};
 }
 
 void HostArguments::add_to(CLI::App& app) {
-  app.add_option("--device", device, "part of a device's name, or its index (see: heddle devices)");
+  app.add_option("--device", device, "part of a device's name, or its index (see: heddle doctor)");
   app.add_option("--plugins", plugin_path, "folders with plugins, separated by ':'");
   app.add_flag("--validation", validation, "run with Vulkan's validation layer; what it finds is an error");
   app.add_flag("--quiet,-q", quiet, "errors only");
@@ -75,6 +76,7 @@ Owned<heddle_host> make_host(const HostArguments& arguments) {
   options.log_user = const_cast<bool*>(&arguments.quiet);
   heddle_host* host = nullptr;
   check(nullptr, heddle_create(&options, &host));
+  stop_on_signals(host);
   return Owned<heddle_host>(host);
 }
 
@@ -114,9 +116,6 @@ void RenderArguments::sort_files() {
   }
   if (graph.empty()) graph = "deferred";
   graph_file = graph;
-  if (!std::filesystem::exists(graph_file) && std::filesystem::exists(shipped_graph(graph))) {
-    graph_file = shipped_graph(graph);
-  }
 }
 
 Owned<heddle_graph> load_graph(heddle_host* host, const RenderArguments& arguments,
@@ -169,6 +168,21 @@ void write_port(heddle_host* host, heddle_graph* graph, const std::string& port,
     std::filesystem::create_directories(file.parent_path(), ignored);
   }
   check(host, heddle_image_write(host, file.c_str(), &image));
+}
+
+void write_file(const std::filesystem::path& file, std::string_view text) {
+  std::filesystem::path partial = file.parent_path();
+  partial /= fmt::format(".{}.{}.partial", file.filename().string(), getpid());
+  std::ofstream stream(partial, std::ios::binary);
+  stream << text;
+  stream.close();
+  std::error_code error;
+  if (stream) std::filesystem::rename(partial, file, error);
+  if (!stream || error) {
+    std::error_code ignored;
+    std::filesystem::remove(partial, ignored);
+    throw Failure{HEDDLE_FAILED, fmt::format("error: cannot write '{}'", file.string())};
+  }
 }
 
 void say(const HostArguments& arguments, std::string_view text) {

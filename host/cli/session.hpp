@@ -22,7 +22,7 @@ struct Failure {
 };
 
 struct Destroy {
-  void operator()(heddle_host* host) const { heddle_destroy(host); }
+  void operator()(heddle_host* host) const;  // signals no longer reach it
   void operator()(heddle_scene* scene) const { heddle_scene_destroy(scene); }
   void operator()(heddle_graph* graph) const { heddle_graph_destroy(graph); }
 };
@@ -56,7 +56,7 @@ struct RenderArguments {
   bool loop = false;
   bool trust_files = false;
   void add_to(CLI::App& app);
-  /// Sorts `files` into graph and scene; finds shipped graphs by name. Throws Failure.
+  /// Sorts `files` into graph and scene. Throws Failure.
   void sort_files();
   std::filesystem::path graph_file;  // after sort_files
 };
@@ -68,6 +68,9 @@ Owned<heddle_scene> load_scene(heddle_host* host, const RenderArguments& argumen
 
 /// Writes a port (empty: the graph's output) as an image.
 void write_port(heddle_host* host, heddle_graph* graph, const std::string& port, const std::filesystem::path& file);
+
+/// Writes a text under a temporary name in the same folder, then renames it: the file is whole or not there.
+void write_file(const std::filesystem::path& file, std::string_view text);
 
 /// A line for people on stderr unless quiet.
 void say(const HostArguments& arguments, std::string_view text);
@@ -83,5 +86,8 @@ void add_compare(CLI::App& app, int* exit_status);
 void add_list(CLI::App& app, int* exit_status);
 void add_doctor(CLI::App& app, int* exit_status);
 void add_explain(CLI::App& app, int* exit_status);
+void add_inspect(CLI::App& app, int* exit_status);
+void add_schema(CLI::App& app, int* exit_status);
+void add_completion(CLI::App& app, int* exit_status);
 
 }  // namespace heddle::cli

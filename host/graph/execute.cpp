@@ -4,6 +4,7 @@
 #include "graph/execute.hpp"
 
 #include "graph/execute_state.hpp"
+#include "graph/why.hpp"
 
 #include <fmt/format.h>
 
@@ -80,6 +81,12 @@ void Executor::set_parameter(PassIndex pass, std::size_t parameter, const Parame
   if (s.passes[pass]) s.write_parameters(*s.passes[pass]);
 }
 
+void Executor::State::stop_if_cancelled() const {
+  if (services.is_cancelled != nullptr && services.is_cancelled->exchange(false)) {
+    throw Error(HEDDLE_CANCELLED, "stopped, as heddle_cancel asked for");
+  }
+}
+
 const FrameStats& Executor::stats() const {
   return state_->stats;
 }
@@ -88,7 +95,8 @@ const ResolvedGraph& Executor::graph() const {
   return state_->original;
 }
 
-std::string Executor::explain(std::string_view format) {
+/// Calls `body` with a plan in the state: the one of the last frame, else one for a scene with every feature.
+std::string Executor::with_plan(const std::function<std::string()>& body) {
   State& s = *state_;
   const bool was_planned = s.is_planned;
   if (!was_planned) {
@@ -123,10 +131,32 @@ std::string Executor::explain(std::string_view format) {
       state.graph = state.original;
     }
   } const unplan{s, !was_planned};
-  if (format == "text") return explain_text(s.graph, s.order, s.placement, s.barriers);
-  if (format == "json") return explain_json(s.graph, s.order, s.placement, s.barriers);
-  if (format == "dot") return explain_dot(s.graph, s.order);
-  throw Error(HEDDLE_BAD_INPUT, fmt::format("unknown format '{}' of an explanation", format), "one of text, json, dot");
+  return body();
+}
+
+std::string Executor::explain(std::string_view format) {
+  State& s = *state_;
+  return with_plan([&]() -> std::string {
+    if (format == "text") return explain_text(s.graph, s.order, s.placement, s.barriers);
+    if (format == "json") return explain_json(s.graph, s.order, s.placement, s.barriers);
+    if (format == "dot") return explain_dot(s.graph, s.order);
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("unknown format '{}' of an explanation", format),
+                "one of text, json, dot");
+  });
+}
+
+std::string Executor::explain_pass(const WrittenGraph& written, std::string_view pass, std::string_view format) {
+  State& s = *state_;
+  if (format != "text" && format != "json") {
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("unknown format '{}' of an explanation of one pass", format),
+                "one of text, json");
+  }
+  // Values may have been set since the graph was resolved: where they come from is in what was written.
+  const ResolvedGraph resolved = resolve(written, s.services.registry);
+  return with_plan([&] {
+    const Json answer = why(written, resolved, s.graph, s.order, s.services.registry.roles(), pass);
+    return format == "json" ? write_json(answer, 2) : to_text(answer);
+  });
 }
 
 }  // namespace heddle::graph

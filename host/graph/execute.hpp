@@ -4,9 +4,11 @@
 #pragma once
 
 #include "graph/stages.hpp"
+#include "json.hpp"
 #include "scene/upload.hpp"
 #include "vulkan/shader.hpp"
 
+#include <atomic>
 #include <functional>
 
 namespace heddle::graph {
@@ -17,6 +19,12 @@ struct HostServices {
   std::function<vulkan::Device&()> device;  // made at the first call
   std::filesystem::path cache_folder;
   std::function<void(Severity, std::string_view)> log;
+  std::atomic<bool>* is_cancelled = nullptr;  // set by any thread; whoever stops for it clears it
+};
+
+/// Of the frame, from its top left.
+struct Pixel {
+  std::uint32_t x = 0, y = 0;
 };
 
 struct FrameOptions {
@@ -81,6 +89,9 @@ class Executor {
   /// Sets the numbers of a parameter that is neither HEDDLE_PARAMETER_REDECLARE nor _CONSTANT: those need `replace`.
   void set_parameter(PassIndex pass, std::size_t parameter, const ParameterValue& value);
   void render(const scene::Scene& scene, const FrameOptions& options);
+  /// Renders a frame, and says what every version of every image port held at these pixels when it was finished, in the
+  /// order of execution: {"extent", "frame", "pixels": [{"pixel", "ports": [...]}]}; see heddle_inspect.
+  Json inspect(const scene::Scene& scene, const FrameOptions& options, std::vector<Pixel> pixels);
   /// Renders frames from the first on, again and again: in every order that declared accesses allow, over memory that
   /// is filled before its first and after its last use. On a device in check mode. Throws Error(HEDDLE_BUG) if a byte
   /// of a kept resource differs, or for what check mode finds in one of the runs. Afterwards the graph is as before its
@@ -95,12 +106,17 @@ class Executor {
   [[nodiscard]] const FrameStats& stats() const;
   /// format: text, json or dot. Before the first frame: planned as far as it can be without a scene.
   std::string explain(std::string_view format);
+  /// Why a pass runs or does not, why it stands where it stands, where its settings come from; format: text or json.
+  /// `written` is what the graph was resolved from.
+  std::string explain_pass(const WrittenGraph& written, std::string_view pass, std::string_view format);
   /// As it was resolved, with the parameters of now.
   [[nodiscard]] const ResolvedGraph& graph() const;
 
   struct State;  // of execute*.cpp
 
  private:
+  std::string with_plan(const std::function<std::string()>& body);
+
   std::unique_ptr<State> state_;
 };
 

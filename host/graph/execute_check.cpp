@@ -14,28 +14,6 @@ namespace heddle::graph {
 
 namespace {
 
-VkImageAspectFlags aspect_of(VkFormat format) {
-  return vulkan::format_info(format).is_depth ? VK_IMAGE_ASPECT_DEPTH_BIT : VK_IMAGE_ASPECT_COLOR_BIT;
-}
-
-/// Everything before, then everything after; an image may change its layout meanwhile.
-void barrier_between_all(const heddle_vulkan& vk, VkCommandBuffer commands, const vulkan::Image& image,
-                         VkImageLayout from, VkImageLayout to) {
-  VkImageMemoryBarrier2 barrier{VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2};
-  barrier.srcStageMask = barrier.dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
-  barrier.srcAccessMask = barrier.dstAccessMask = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
-  barrier.oldLayout = from;
-  barrier.newLayout = to;
-  barrier.srcQueueFamilyIndex = barrier.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
-  barrier.image = image.handle();
-  barrier.subresourceRange = {aspect_of(image.shape().format), 0, VK_REMAINING_MIP_LEVELS, 0,
-                              VK_REMAINING_ARRAY_LAYERS};
-  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
-  dependency.imageMemoryBarrierCount = 1;
-  dependency.pImageMemoryBarriers = &barrier;
-  vk.CmdPipelineBarrier2(commands, &dependency);
-}
-
 /// What a port may hold. Without a contract only NaN is wrong.
 struct Rule {
   bool allows_infinity = true;
@@ -60,6 +38,24 @@ struct Rule {
 };
 
 }  // namespace
+
+void barrier_between_all(const heddle_vulkan& vk, VkCommandBuffer commands, const vulkan::Image& image,
+                         VkImageLayout from, VkImageLayout to) {
+  VkImageMemoryBarrier2 barrier{VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2};
+  barrier.srcStageMask = barrier.dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+  barrier.srcAccessMask = barrier.dstAccessMask = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
+  barrier.oldLayout = from;
+  barrier.newLayout = to;
+  barrier.srcQueueFamilyIndex = barrier.dstQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
+  barrier.image = image.handle();
+  barrier.subresourceRange = {
+      vulkan::format_info(image.shape().format).is_depth ? VK_IMAGE_ASPECT_DEPTH_BIT : VK_IMAGE_ASPECT_COLOR_BIT, 0,
+      VK_REMAINING_MIP_LEVELS, 0, VK_REMAINING_ARRAY_LAYERS};
+  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+  dependency.imageMemoryBarrierCount = 1;
+  dependency.pImageMemoryBarriers = &barrier;
+  vk.CmdPipelineBarrier2(commands, &dependency);
+}
 
 void Executor::State::name_resources() {
   vulkan::hazard::Recorder* recorder = device->recorder();
@@ -131,7 +127,9 @@ void Executor::State::scan_outputs(std::uint32_t index) {
             device->make_buffer(std::uint64_t{scan.width} * scan.height * vulkan::format_info(shape.format).texel_bytes,
                                 VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
         VkBufferImageCopy region{};
-        region.imageSubresource = {aspect_of(shape.format), mip, layer, 1};
+        region.imageSubresource = {
+            vulkan::format_info(shape.format).is_depth ? VK_IMAGE_ASPECT_DEPTH_BIT : VK_IMAGE_ASPECT_COLOR_BIT, mip,
+            layer, 1};
         region.imageExtent = {scan.width, scan.height, 1};
         vk.CmdCopyImageToBuffer(commands, state.image.handle(), VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
                                 scan.texels.handle(), 1, &region);

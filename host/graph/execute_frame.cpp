@@ -379,6 +379,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     if (!s.is_planned || rendered.features() != s.planned_features) s.plan(rendered.features());
     s.begin_frame_memory();
     s.drawn_layers.clear();
+    s.looks.clear();
     s.errors.clear();
     s.stats.stages.clear();
     s.stats.submit_ms = 0;
@@ -399,6 +400,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
       s.name_resources();
       s.set_scene_values(rendered);
       s.run_stages(options.profile);
+      s.stop_if_cancelled();
       s.label_commands(nullptr);
       s.record_barriers(s.barriers.at_end);
       s.submit_and_wait();

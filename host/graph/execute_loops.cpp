@@ -92,9 +92,12 @@ void Executor::State::begin_frame_memory() {
 void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled) {
   const auto start = Clock::now();
   const double cpu_start = process_cpu_ms();
+  stop_if_cancelled();
   poison_around(index, true);
   run_stage(index, before);
   scan_outputs(index);
+  // Of a loop that is the last iteration, as what follows it sees.
+  if (is_last_iteration || order.stages[index].runs_once) look_at_outputs(index);
   poison_around(index, false);
   if (!is_profiled) return;
   submit_and_wait();

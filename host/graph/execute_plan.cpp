@@ -544,6 +544,7 @@ void Executor::State::compile_passes() {
                                       [&](const Stage& candidate) { return candidate.name == shader.stage; });
       made.stage = static_cast<std::uint32_t>(stage - technique.stages.begin());
       made.raster = raster_state(pass, shader);
+      stop_if_cancelled();  // the first frame's time is here
       if (!shader.file.empty()) {
         made.compiled = vulkan::compile(shader_request(*state, shader), services.cache_folder);
         for (const std::string& warning : made.compiled.warnings) services.log(Severity::kWarning, warning);

@@ -262,6 +262,20 @@ struct Executor::State {
   void search_scans(std::size_t begin);
   void throw_what_the_check_found();
 
+  // Looking at pixels (execute_inspect.cpp): texels of every version of an image, copied where it was finished.
+  struct Look {
+    std::uint32_t stage = 0;  // of the order
+    ResourceIndex resource = kNoIndex;
+    std::uint32_t layers = 1;
+    vulkan::Buffer texels;  // kLookStride bytes for each pixel of each layer; none where pixels have no meaning
+  };
+  std::vector<Pixel> pixels;  // empty: nobody looks
+  std::vector<Look> looks;
+  void look_at_outputs(std::uint32_t stage);
+
+  /// Throws Error(HEDDLE_CANCELLED) if the application asked for it.
+  void stop_if_cancelled() const;
+
   [[nodiscard]] bool is_any_version_kept(ResourceIndex first) const;
   [[nodiscard]] ResourceState& root(ResourceIndex resource) { return resources[resources[resource].root]; }
   [[nodiscard]] const Pass& pass_of(const PassState& state) const { return graph.passes[state.index]; }
@@ -269,6 +283,10 @@ struct Executor::State {
     return *graph.passes[state.index].entry.technique;
   }
 };
+
+/// Everything before, then everything after; an image may change its layout meanwhile.
+void barrier_between_all(const heddle_vulkan& vk, VkCommandBuffer commands, const vulkan::Image& image,
+                         VkImageLayout from, VkImageLayout to);
 
 /// Fills the C functions of a pass's host side.
 void fill_pass_host(PassState& pass, const heddle_vulkan& table);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "graph/explain.hpp"
 #include "graph/stages.hpp"
 #include "graph/uses.hpp"
 #include "json.hpp"
@@ -72,36 +73,6 @@ std::string_view layout_text(VkImageLayout layout) {
     default:
       return "other";
   }
-}
-
-/// Names of the formats that techniques declare; numbers for others, so that nothing is hidden.
-std::string format_text(std::uint32_t format) {
-  static constexpr std::array<std::pair<VkFormat, std::string_view>, 21> kNames{{
-      {VK_FORMAT_UNDEFINED, "undefined"},
-      {VK_FORMAT_R8_UNORM, "r8"},
-      {VK_FORMAT_R8G8_UNORM, "rg8"},
-      {VK_FORMAT_R8G8B8A8_UNORM, "rgba8"},
-      {VK_FORMAT_R8G8B8A8_SRGB, "rgba8_srgb"},
-      {VK_FORMAT_A2B10G10R10_UNORM_PACK32, "rgb10a2"},
-      {VK_FORMAT_R16_UNORM, "r16"},
-      {VK_FORMAT_R16G16_UNORM, "rg16"},
-      {VK_FORMAT_R16G16B16A16_UNORM, "rgba16"},
-      {VK_FORMAT_R16G16_SNORM, "rg16_snorm"},
-      {VK_FORMAT_R16_SFLOAT, "r16f"},
-      {VK_FORMAT_R16G16_SFLOAT, "rg16f"},
-      {VK_FORMAT_R16G16B16A16_SFLOAT, "rgba16f"},
-      {VK_FORMAT_R32_UINT, "r32ui"},
-      {VK_FORMAT_R32_SFLOAT, "r32f"},
-      {VK_FORMAT_R32G32_SFLOAT, "rg32f"},
-      {VK_FORMAT_R32G32B32A32_SFLOAT, "rgba32f"},
-      {VK_FORMAT_B10G11R11_UFLOAT_PACK32, "r11g11b10f"},
-      {VK_FORMAT_D16_UNORM, "d16"},
-      {VK_FORMAT_D32_SFLOAT, "d32f"},
-      {VK_FORMAT_D24_UNORM_S8_UINT, "d24s8"},
-  }};
-  for (const auto& [known, name] : kNames)
-    if (known == static_cast<VkFormat>(format)) return std::string(name);
-  return fmt::format("VkFormat {}", format);
 }
 
 std::string shape_text(const Resource& resource) {
@@ -201,24 +172,6 @@ std::string memory_text(const ResolvedGraph& graph, const Placement& placement, 
   return fmt::format("heap at {}", placement.offset[resource]);
 }
 
-/// Columns of equal width, two spaces between; the last is not padded.
-std::string table_text(const std::vector<std::vector<std::string>>& rows) {
-  std::vector<std::size_t> widths;
-  for (const auto& row : rows) {
-    widths.resize(std::max(widths.size(), row.size()), 0);
-    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
-  }
-  std::string text;
-  for (const auto& row : rows) {
-    std::string line = "  ";
-    for (std::size_t c = 0; c < row.size(); ++c)
-      line += c + 1 < row.size() ? fmt::format("{:<{}}  ", row[c], widths[c]) : row[c];
-    line.erase(line.find_last_not_of(' ') + 1);
-    text += line + "\n";
-  }
-  return text;
-}
-
 std::string barrier_text(const ResolvedGraph& graph, const Barrier& barrier) {
   std::string text = fmt::format("'{}' {} ({}) -> {} ({})", graph.resources[barrier.resource].name,
                                  stages_text(barrier.source_stages), access_text(barrier.source_access),
@@ -245,6 +198,82 @@ std::string dot_quoted(std::string_view text) {
 }
 
 }  // namespace
+
+std::string format_text(std::uint32_t format) {
+  static constexpr std::array<std::pair<VkFormat, std::string_view>, 21> kNames{{
+      {VK_FORMAT_UNDEFINED, "undefined"},
+      {VK_FORMAT_R8_UNORM, "r8"},
+      {VK_FORMAT_R8G8_UNORM, "rg8"},
+      {VK_FORMAT_R8G8B8A8_UNORM, "rgba8"},
+      {VK_FORMAT_R8G8B8A8_SRGB, "rgba8_srgb"},
+      {VK_FORMAT_A2B10G10R10_UNORM_PACK32, "rgb10a2"},
+      {VK_FORMAT_R16_UNORM, "r16"},
+      {VK_FORMAT_R16G16_UNORM, "rg16"},
+      {VK_FORMAT_R16G16B16A16_UNORM, "rgba16"},
+      {VK_FORMAT_R16G16_SNORM, "rg16_snorm"},
+      {VK_FORMAT_R16_SFLOAT, "r16f"},
+      {VK_FORMAT_R16G16_SFLOAT, "rg16f"},
+      {VK_FORMAT_R16G16B16A16_SFLOAT, "rgba16f"},
+      {VK_FORMAT_R32_UINT, "r32ui"},
+      {VK_FORMAT_R32_SFLOAT, "r32f"},
+      {VK_FORMAT_R32G32_SFLOAT, "rg32f"},
+      {VK_FORMAT_R32G32B32A32_SFLOAT, "rgba32f"},
+      {VK_FORMAT_B10G11R11_UFLOAT_PACK32, "r11g11b10f"},
+      {VK_FORMAT_D16_UNORM, "d16"},
+      {VK_FORMAT_D32_SFLOAT, "d32f"},
+      {VK_FORMAT_D24_UNORM_S8_UINT, "d24s8"},
+  }};
+  for (const auto& [known, name] : kNames)
+    if (known == static_cast<VkFormat>(format)) return std::string(name);
+  return fmt::format("VkFormat {}", format);
+}
+
+std::string_view type_text(PortType type) {
+  constexpr std::array<std::string_view, 4> kTypes{"image", "buffer", "value", "surfaces"};
+  return kTypes.at(static_cast<std::size_t>(type));
+}
+
+std::string place_text(const Location& where) {
+  // A setting is one line, and what it sets is said beside its place.
+  if (where.line == 0 || where.file == "--set") return where.file;
+  return fmt::format("{}:{}:{}", where.file, where.line, where.column);
+}
+
+std::string table_text(const std::vector<std::vector<std::string>>& rows) {
+  std::vector<std::size_t> widths;
+  for (const auto& row : rows) {
+    widths.resize(std::max(widths.size(), row.size()), 0);
+    for (std::size_t c = 0; c < row.size(); ++c) widths[c] = std::max(widths[c], row[c].size());
+  }
+  std::string text;
+  for (const auto& row : rows) {
+    std::string line = "  ";
+    for (std::size_t c = 0; c < row.size(); ++c)
+      line += c + 1 < row.size() ? fmt::format("{:<{}}  ", row[c], widths[c]) : row[c];
+    line.erase(line.find_last_not_of(' ') + 1);
+    text += line + "\n";
+  }
+  return text;
+}
+
+Json to_json(const Parameter& parameter, const ParameterValue& value) {
+  switch (parameter.type) {
+    case ParameterType::kNames:
+      return value.names;
+    case ParameterType::kBool:
+      return value.number[0] != 0;
+    case ParameterType::kChoice:
+      return parameter.choices.at(static_cast<std::size_t>(value.number[0]));
+    case ParameterType::kInt:
+      return static_cast<std::int64_t>(value.number[0]);
+    case ParameterType::kColor:
+    case ParameterType::kFloat3:
+      return value.number;
+    case ParameterType::kFloat:
+      return value.number[0];
+  }
+  return {};
+}
 
 std::string explain_text(const ResolvedGraph& graph, const Order& order, const Placement& placement,
                          const BarrierPlan& barriers) {
@@ -337,21 +366,7 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
     entry["parameters"] = Json::object();
     for (std::size_t i = 0; i < pass.parameters.size(); ++i) {
       const Parameter& parameter = pass.entry.technique->parameters[i];
-      const ParameterValue& value = pass.parameters[i];
-      Json& slot = entry["parameters"][parameter.name];
-      if (parameter.type == ParameterType::kNames) {
-        slot = value.names;
-      } else if (parameter.type == ParameterType::kBool) {
-        slot = value.number[0] != 0;
-      } else if (parameter.type == ParameterType::kChoice) {
-        slot = parameter.choices.at(static_cast<std::size_t>(value.number[0]));
-      } else if (parameter.type == ParameterType::kInt) {
-        slot = static_cast<std::int64_t>(value.number[0]);
-      } else if (parameter.components() == 3) {
-        slot = value.number;
-      } else {
-        slot = value.number[0];
-      }
+      entry["parameters"][parameter.name] = to_json(parameter, pass.parameters[i]);
     }
     entry["ports"] = Json::object();
     for (const auto& [port, resource] : pass.ports) entry["ports"][port] = graph.resources[resource].name;
@@ -402,9 +417,8 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
   json["resources"] = Json::array();
   for (ResourceIndex r = 0; r < graph.resources.size(); ++r) {
     const Resource& resource = graph.resources[r];
-    constexpr std::array<std::string_view, 4> kTypes{"image", "buffer", "value", "surfaces"};
     Json entry{{"name", resource.name},
-               {"type", kTypes.at(static_cast<std::size_t>(resource.type))},
+               {"type", type_text(resource.type)},
                {"is_used", static_cast<bool>(is_used[r])},
                {"is_kept", resource.is_kept},
                {"shape", shape_text(resource)}};

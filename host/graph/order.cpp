@@ -81,6 +81,17 @@ class Scheduler {
     return set;
   }
 
+  [[nodiscard]] std::vector<StageDependency> dependencies() const {
+    std::vector<StageDependency> list;
+    for (NodeIndex n = 0; n < nodes_.size(); ++n)
+      for (const Edge& edge : edges_[n]) {
+        const ScheduledStage& from = nodes_[edge.from].scheduled;
+        const ScheduledStage& to = nodes_[n].scheduled;
+        list.push_back({from.pass, to.pass, from.stage, to.stage, edge.why});
+      }
+    return list;
+  }
+
  private:
   template <typename Key>
   Order run_by(const Key& key) {
@@ -507,6 +518,10 @@ class Scheduler {
 
 Order order(const ResolvedGraph& graph) {
   return Scheduler(graph).run();
+}
+
+std::vector<StageDependency> stage_dependencies(const ResolvedGraph& graph) {
+  return Scheduler(graph).dependencies();
 }
 
 OrderSet find_orders(const ResolvedGraph& graph, std::size_t most) {

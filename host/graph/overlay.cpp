@@ -25,51 +25,98 @@ auto find_pass(std::vector<WrittenPass>& passes, std::string_view name) {
                            [](const WrittenPass& pass) -> std::string_view { return text_of(pass.name); });
 }
 
-std::string read_file(const std::filesystem::path& file, const Location& where) {
-  namespace fs = std::filesystem;
+namespace fs = std::filesystem;
+
+std::vector<std::string> graph_files(const fs::path& folder) {
+  std::vector<std::string> names;
   std::error_code error;
-  const auto complain = [&](std::string message, std::string help) -> void {
-    throw Error(HEDDLE_BAD_INPUT,
-                Diagnostic{Severity::kError, where, std::move(message), file.string(), {}, std::move(help)});
-  };
-  if (!fs::exists(file, error)) {
-    std::vector<std::string> neighbours;
-    const fs::path folder = file.has_parent_path() ? file.parent_path() : fs::path(".");
-    for (auto entry = fs::directory_iterator(folder, error); !error && entry != fs::directory_iterator();
-         entry.increment(error))
-      if (entry->path().extension() == ".toml") neighbours.push_back(entry->path().filename().string());
-    std::ranges::sort(neighbours);
-    complain("there is no such graph file", did_you_mean(file.filename().string(), neighbours));
+  for (auto entry = fs::directory_iterator(folder, error); !error && entry != fs::directory_iterator();
+       entry.increment(error))
+    if (entry->path().extension() == ".toml") names.push_back(entry->path().filename().string());
+  std::ranges::sort(names);
+  return names;
+}
+
+/// Where a graph comes from. `named`: as somebody wrote it, from the folder of who wrote it.
+class GraphPlace {
+ public:
+  GraphPlace(fs::path named, bool is_bare_name, const fs::path& shipped) : named_(std::move(named)) {
+    if (!is_bare_name || shipped.empty()) return;
+    shipped_ = shipped / named_.filename();
+    if (shipped_.extension() != ".toml") shipped_ += ".toml";
   }
-  if (!fs::is_regular_file(file, error)) complain("this is no file", {});
-  if (fs::file_size(file, error) > kLargestFile) complain("this file is larger than 16 MiB: no graph", {});
+  [[nodiscard]] const fs::path& file() const {
+    std::error_code error;
+    return !shipped_.empty() && !fs::exists(named_, error) && fs::exists(shipped_, error) ? shipped_ : named_;
+  }
+  [[noreturn]] void report_missing(const Location& where) const {
+    std::vector<std::string> names = graph_files(named_.has_parent_path() ? named_.parent_path() : fs::path("."));
+    if (shipped_.empty())
+      throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
+                                               where,
+                                               "there is no such graph file",
+                                               named_.string(),
+                                               {},
+                                               did_you_mean(named_.filename().string(), names)});
+    for (const std::string& name : graph_files(shipped_.parent_path())) names.push_back(fs::path(name).stem().string());
+    throw Error(HEDDLE_BAD_INPUT,
+                Diagnostic{Severity::kError,
+                           where,
+                           fmt::format("there is neither a file nor a shipped graph '{}'", named_.filename().string()),
+                           {},
+                           fmt::format("one of the files {} and {}", named_.string(), shipped_.string()),
+                           did_you_mean(named_.filename().string(), names)});
+  }
+
+ private:
+  fs::path named_, shipped_;  // shipped_: empty where nobody may mean one
+};
+
+bool is_bare_name(const fs::path& written) {
+  return !written.has_parent_path();
+}
+
+std::string read_file(const GraphPlace& place, const Location& where) {
+  const fs::path& file = place.file();
+  std::error_code error;
+  const auto complain = [&](std::string message) -> void {
+    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError, where, std::move(message), file.string(), {}, {}});
+  };
+  if (!fs::exists(file, error)) place.report_missing(where);
+  if (!fs::is_regular_file(file, error)) complain("this is no file");
+  if (fs::file_size(file, error) > kLargestFile) complain("this file is larger than 16 MiB: no graph");
   std::ifstream stream(file, std::ios::binary);
   std::string text{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
-  if (!stream.good() && !stream.eof()) complain("the graph file cannot be read", {});
+  if (!stream.good() && !stream.eof()) complain("the graph file cannot be read");
   return text;
 }
 
 struct Visited {
-  std::filesystem::path canonical;
+  fs::path canonical;
   std::string name;
 };
 
-WrittenGraph read_chain(WrittenGraph written, const std::filesystem::path& folder, std::vector<Visited>& visited);
+WrittenGraph read_chain(WrittenGraph written, const fs::path& folder, const fs::path& shipped,
+                        std::vector<Visited>& visited);
 
-WrittenGraph read_one(const std::filesystem::path& file, const Location& where, std::vector<Visited>& visited) {
-  const std::string text = read_file(file, where);
+WrittenGraph read_one(const GraphPlace& place, const fs::path& shipped, const Location& where,
+                      std::vector<Visited>& visited) {
+  const fs::path& file = place.file();
+  const std::string text = read_file(place, where);
   std::error_code error;
-  visited.push_back({std::filesystem::weakly_canonical(file, error), file.string()});
+  visited.push_back({fs::weakly_canonical(file, error), file.string()});
   WrittenGraph written = parse(text, file.string());
   written.files = {file.string()};
-  return read_chain(std::move(written), file.parent_path(), visited);
+  return read_chain(std::move(written), file.parent_path(), shipped, visited);
 }
 
-WrittenGraph read_chain(WrittenGraph written, const std::filesystem::path& folder, std::vector<Visited>& visited) {
+WrittenGraph read_chain(WrittenGraph written, const fs::path& folder, const fs::path& shipped,
+                        std::vector<Visited>& visited) {
   if (!written.extends) return written;
-  const std::filesystem::path base = folder / text_of(*written.extends);
+  const fs::path named = text_of(*written.extends);
+  const GraphPlace base(folder / named, is_bare_name(named), shipped);
   std::error_code error;
-  const auto again = std::ranges::find(visited, std::filesystem::weakly_canonical(base, error), &Visited::canonical);
+  const auto again = std::ranges::find(visited, fs::weakly_canonical(base.file(), error), &Visited::canonical);
   if (again != visited.end()) {
     std::string chain;
     for (auto step = again; step != visited.end(); ++step) chain += step->name + " -> ";
@@ -80,7 +127,7 @@ WrittenGraph read_chain(WrittenGraph written, const std::filesystem::path& folde
                                              "a file at the end that extends none",
                                              {}});
   }
-  WrittenGraph read = read_one(base, written.extends->where, visited);
+  WrittenGraph read = read_one(base, shipped, written.extends->where, visited);
   return overlay(std::move(read), std::move(written));
 }
 
@@ -137,14 +184,16 @@ void place_pass(std::vector<WrittenPass>& passes, WrittenPass pass, Problems& pr
 
 }  // namespace
 
-WrittenGraph read_graph(const std::filesystem::path& file) {
+WrittenGraph read_graph(const std::filesystem::path& file, const std::filesystem::path& shipped) {
   std::vector<Visited> visited;
-  return read_one(file, {file.string(), 0, 0}, visited);
+  const GraphPlace place(file, is_bare_name(file), shipped);
+  return read_one(place, shipped, {place.file().string(), 0, 0}, visited);
 }
 
-WrittenGraph read_extended(WrittenGraph written, const std::filesystem::path& folder) {
+WrittenGraph read_extended(WrittenGraph written, const std::filesystem::path& folder,
+                           const std::filesystem::path& shipped) {
   std::vector<Visited> visited;
-  return read_chain(std::move(written), folder, visited);
+  return read_chain(std::move(written), folder, shipped, visited);
 }
 
 WrittenGraph overlay(WrittenGraph base, WrittenGraph over) {
@@ -163,6 +212,7 @@ WrittenGraph overlay(WrittenGraph base, WrittenGraph over) {
       problems.add(name.where, fmt::format("there is no pass '{}' to remove", text_of(name)), to_toml(name),
                    "one of " + join_names(names_of(base.passes)), did_you_mean(text_of(name), names_of(base.passes)));
     } else {
+      base.removed.push_back({std::move(*found), name.where});
       base.passes.erase(found);
     }
   }

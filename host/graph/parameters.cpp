@@ -142,8 +142,10 @@ Complaint read_value(const Parameter& parameter, const Written& value, Parameter
 }  // namespace
 
 std::vector<ParameterValue> read_parameters(const WrittenPass& written, const Technique& technique, Presets& presets,
-                                            Problems& problems, std::vector<std::string>& notes) {
+                                            Problems& problems, std::vector<std::string>& notes,
+                                            std::vector<ParameterOrigin>& origins) {
   std::vector<ParameterValue> values(technique.parameters.size());
+  origins.assign(values.size(), {});
   std::vector<std::string> names;
   for (std::size_t i = 0; i < values.size(); ++i) {
     values[i].number = technique.parameters[i].default_value;
@@ -194,6 +196,7 @@ std::vector<ParameterValue> read_parameters(const WrittenPass& written, const Te
     const Complaint complaint = read_value(parameter, *value, read);
     if (complaint.message.empty()) {
       values[index] = std::move(read);
+      origins[index] = {said.where, through, through.empty() ? Location{} : value->where};
     } else if (is_inherited) {
       note(fmt::format("wants {}", complaint.expected));
     } else {

@@ -111,6 +111,7 @@ void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::spa
   for (Pass& pass : graph.passes) {
     pass.is_pruned = true;
     pass.reason.clear();
+    pass.reader = kNoIndex;
   }
   for (PassIndex p = 0; p < graph.passes.size(); ++p) {
     Pass& pass = graph.passes[p];
@@ -135,26 +136,27 @@ void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::spa
 
   // From what is wanted back to what it needs; the first user met is the reason.
   std::vector<PassIndex> open;
-  const auto keep = [&](PassIndex p, const auto& reason) {
+  const auto keep = [&](PassIndex p, PassIndex reader, const auto& reason) {
     Pass& pass = graph.passes[p];
     if (!pass.is_pruned || !pass.reason.empty()) return;
     pass.reason = reason();
+    pass.reader = reader;
     pass.is_pruned = false;
     open.push_back(p);
   };
   for (const ResourceIndex resource : wanted) {
     const Resource& r = graph.resources[resource];
     if (r.producer == kNoIndex) continue;
-    keep(r.producer, [&] {
+    keep(r.producer, kNoIndex, [&] {
       return resource == graph.output ? fmt::format("makes the output '{}'", r.name)
                                       : fmt::format("makes '{}', which is asked for", r.name);
     });
   }
   for (std::size_t i = 0; i < open.size(); ++i) {
     for (const PassIndex dependency : graph.passes[open[i]].dependencies)
-      keep(dependency, [&] { return reason_for(graph, dependency, open[i]); });
+      keep(dependency, open[i], [&] { return reason_for(graph, dependency, open[i]); });
     for (const PassIndex dependency : graph.passes[open[i]].past_dependencies)
-      keep(dependency, [&] { return past_reason_for(graph, dependency, open[i]); });
+      keep(dependency, open[i], [&] { return past_reason_for(graph, dependency, open[i]); });
   }
 
   for (PassIndex p = 0; p < graph.passes.size(); ++p)

@@ -59,8 +59,9 @@ class Resolver {
     for (std::size_t e = 0; e < entries_.size(); ++e) {
       if (entries_[e].fate != Entry::Fate::kPresent) continue;
       bind_functions(e);
-      graph_.passes[entries_[e].pass].parameters =
-          read_parameters(*entries_[e].written, *entries_[e].technique.technique, presets_, problems_, graph_.notes);
+      Pass& pass = graph_.passes[entries_[e].pass];
+      pass.parameters = read_parameters(*entries_[e].written, *entries_[e].technique.technique, presets_, problems_,
+                                        graph_.notes, pass.origins);
     }
     for (const auto& [key, value] : written_.params)
       if (!presets_.is_used[key.name]) graph_.notes.push_back(fmt::format("params.{} is used by no pass", key.name));
@@ -367,6 +368,7 @@ class Resolver {
                       given == said.end() ? fmt::format("write inputs.{} = \"pass.port\"", port.name) : std::string{});
         continue;
       }
+      warn_of_units(e, port.name, resource, given == said.end() ? nullptr : given->second);
       if (port.direction == Direction::kIn) {
         pass.ports[port.name] = source.resource;
       } else if (resource.history_of != kNoIndex) {
@@ -383,6 +385,30 @@ class Resolver {
         graph_.resources[pass.ports[port.name]].previous_version = source.resource;
       }
     }
+  }
+
+  /// Roles say what an image's numbers mean. Other units than the input's are no error: that is how numbers are looked
+  /// at.
+  void warn_of_units(std::size_t e, const std::string& port, const Resource& resource, const Written* given) {
+    if (resource.type != PortType::kImage || resource.producer == kNoIndex) return;
+    const auto unit_of = [&](const Resource& made) -> std::string {
+      const RolePort* contract = graph_.passes[made.producer].role->find_port(made.port);
+      return contract == nullptr ? std::string{} : contract->unit;
+    };
+    const auto words = [](const std::string& unit) { return unit == "1" ? "without unit" : "in " + unit; };
+    const RolePort* contract = entries_[e].role->find_port(port);
+    const std::string made = unit_of(resource);
+    if (contract == nullptr || contract->unit.empty() || made.empty() || contract->unit == made) return;
+    const Source usual = default_source(e, port);
+    const bool suits = usual.kind == Source::Kind::kResource && graph_.resources[usual.resource].producer != kNoIndex &&
+                       unit_of(graph_.resources[usual.resource]) == contract->unit;
+    graph_.warnings.push_back(
+        {Severity::kWarning, given != nullptr ? given->where : entries_[e].written->where,
+         fmt::format("pass '{}': input '{}' is {}, but '{}' is {}", entries_[e].name(), port, words(contract->unit),
+                     resource.name, words(made)),
+         given != nullptr ? fmt::format("inputs.{} = {}", port, to_toml(*given)) : std::string{},
+         "a port " + words(contract->unit),
+         suits ? fmt::format("'{}' is one", graph_.resources[usual.resource].name) : std::string{}});
   }
 
   /// "a port without producer": who could make it, and whether somebody below does.

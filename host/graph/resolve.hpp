@@ -15,8 +15,10 @@ struct Presets {
   std::map<std::string, bool, std::less<>> is_used;
 };
 
-/// Every parameter of the technique: what the graph says, checked for type, choice and range, or the default.
+/// Every parameter of the technique: what the graph says, checked for type, choice and range, or the default; and where
+/// each value comes from.
 std::vector<ParameterValue> read_parameters(const WrittenPass& written, const Technique& technique, Presets& presets,
-                                            Problems& problems, std::vector<std::string>& notes);
+                                            Problems& problems, std::vector<std::string>& notes,
+                                            std::vector<ParameterOrigin>& origins);
 
 }  // namespace heddle::graph

@@ -42,6 +42,12 @@ struct WrittenPass {
   bool says_serves = false;        // an overlay's `serves = []` means all
 };
 
+/// A pass that an overlay took out: what it was, and where that was written.
+struct RemovedPass {
+  WrittenPass pass;
+  Location where;  // in `remove`
+};
+
 struct WrittenGraph {
   std::string file;
   std::vector<std::string> files;  // that were read for it: this one and what it extends
@@ -51,15 +57,18 @@ struct WrittenGraph {
   std::vector<std::pair<WrittenKey, Written>> params;  // top-level presets: NAME = default, referred to as "$NAME"
   std::vector<std::pair<WrittenKey, Written>> joins;   // joins.ROLE = "switch" | "sum" | "product": overrides role.toml
   std::vector<Written> remove;
-  std::vector<WrittenPass> passes;  // file order
+  std::vector<WrittenPass> passes;   // file order
+  std::vector<RemovedPass> removed;  // by overlays; for explanations alone
 };
 
 /// TOML text -> what was written. Opens no file. Throws Error with every syntax error and unknown key.
 WrittenGraph parse(std::string_view text, std::string_view file);
 /// Reads a file and what it extends, and merges the overlays into one graph (no `extends` left). Opens files.
-WrittenGraph read_graph(const std::filesystem::path& file);
+/// `shipped`: folder of the graphs that come with Heddle; a name without a folder that is no file means one of them.
+WrittenGraph read_graph(const std::filesystem::path& file, const std::filesystem::path& shipped = {});
 /// The same for a text that was parsed already; `folder` is where its `extends` looks. Opens files.
-WrittenGraph read_extended(WrittenGraph written, const std::filesystem::path& folder);
+WrittenGraph read_extended(WrittenGraph written, const std::filesystem::path& folder,
+                           const std::filesystem::path& shipped = {});
 /// Merges `over` on `base`. Pure.
 WrittenGraph overlay(WrittenGraph base, WrittenGraph over);
 /// Applies "ao.technique=gtao", "ao.params.radius=1", "ao.inputs.depth=x.y", "extent=[640,360]", "output=a.b",
@@ -94,6 +103,13 @@ struct Resource {
   std::uint64_t byte_size = 0;
 };
 
+/// Where a parameter's value comes from.
+struct ParameterOrigin {
+  std::optional<Location> where;  // params.NAME of the pass; nothing: the technique's default
+  std::string preset;             // NAME of "$NAME"; then `preset_where` is where that was given its value
+  Location preset_where;
+};
+
 /// Providers of one role's functions for one caller pass, in graph order.
 struct FunctionBinding {
   std::string role;
@@ -107,6 +123,7 @@ struct Pass {
   const Role* role = nullptr;
   TechniqueEntry entry;                    // technique "none" never gets here: resolve leaves the pass out
   std::vector<ParameterValue> parameters;  // parallel to technique->parameters
+  std::vector<ParameterOrigin> origins;    // parallel to parameters
   std::map<std::string, ResourceIndex, std::less<>>
       ports;  // bound ports, in and out; an absent optional input is missing
   std::map<std::string, ResourceIndex, std::less<>>
@@ -115,6 +132,7 @@ struct Pass {
   std::vector<std::string> serves;
   bool is_pruned = false;
   std::string reason;                   // why it stays or goes, for explain
+  PassIndex reader = kNoIndex;          // whom the reason to stay names; kNoIndex: it makes something that is wanted
   std::vector<PassIndex> dependencies;  // passes that must run before it: producers of inputs, providers, their inputs
   std::vector<PassIndex> past_dependencies;  // passes of which it reads what they made in earlier frames
 };
@@ -133,8 +151,9 @@ struct ResolvedGraph {
   ResourceIndex output = kNoIndex;
   std::vector<Pass> passes;  // file order
   std::vector<Resource> resources;
-  std::vector<GraphLoop> loops;    // of weave_loops
-  std::vector<std::string> notes;  // e.g. "pass 'ao': technique none, its outputs are neutral"
+  std::vector<GraphLoop> loops;      // of weave_loops
+  std::vector<std::string> notes;    // e.g. "pass 'ao': technique none, its outputs are neutral"
+  std::vector<Diagnostic> warnings;  // what is likely a mistake, but has a meaning
 };
 
 /// All name, type, range and unit errors are made here, all at once. Opens no library.
@@ -187,6 +206,14 @@ struct OrderSet {
   std::size_t unordered_pairs = 0, seen_both_ways = 0;
 };
 OrderSet find_orders(const ResolvedGraph& graph, std::size_t most);
+/// What puts two stages in order, as a sentence: "'lighting' reads 'ao.visibility'"; empty: stages of one pass.
+struct StageDependency {
+  PassIndex from_pass = kNoIndex, to_pass = kNoIndex;
+  std::uint32_t from_stage = 0, to_stage = 0;
+  std::string why;
+};
+/// Everything that order obeys.
+std::vector<StageDependency> stage_dependencies(const ResolvedGraph& graph);
 /// The resource that owns the memory of a version: itself, or the first one of a chain of `inout` images or buffers.
 ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource);
 /// Images and buffers with a history that a stage reads: the memory of the newest (a first version) and the one of last

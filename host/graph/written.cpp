@@ -89,6 +89,16 @@ void Problems::throw_if_any() {
   throw Error(HEDDLE_BAD_INPUT, std::move(list_));
 }
 
+const std::vector<std::string>& graph_keys() {
+  return kGraphKeys;
+}
+const std::vector<std::string>& pass_keys() {
+  return kPassKeys;
+}
+const std::vector<std::string>& reserved_names() {
+  return kReservedNames;
+}
+
 std::string did_you_mean(std::string_view name, std::span<const std::string> candidates) {
   const std::string nearest = nearest_name(name, candidates);
   return nearest.empty() ? std::string{} : "did you mean '" + nearest + "'?";

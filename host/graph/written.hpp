@@ -32,6 +32,11 @@ std::string_view type_name(const Written& written);
 /// The text of a string value, "" of everything else (also of what was not written).
 const std::string& text_of(const Written& written);
 
+/// The keys of a graph file and of a [[pass]], and the words that cannot name a pass.
+const std::vector<std::string>& graph_keys();
+const std::vector<std::string>& pass_keys();
+const std::vector<std::string>& reserved_names();
+
 /// Parses one TOML value that starts at `where`; a bare word that is no TOML value is a string. Adds problems.
 std::optional<Written> parse_value(std::string_view text, const Location& where, Problems& problems);
 

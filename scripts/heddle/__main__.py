@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python3 -m heddle run|compare [GRAPH] SCENE ...`: the command's rendering for scenes written in Python.
+"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in Python.
 
 A scene file defines `build(scene)`, called with an empty heddle.Scene.
 """
@@ -7,10 +7,13 @@ A scene file defines `build(scene)`, called with an empty heddle.Scene.
 import argparse
 import importlib.util
 import json
+import os
 import pathlib
 import re
+import signal
 import statistics
 import sys
+import threading
 from collections.abc import Callable
 
 from . import Error, Host, Scene, version
@@ -35,6 +38,61 @@ def load_scene(scene: Scene, file: str, trusted: bool = False) -> Callable[[Scen
         raise Error(2, f"{path}: error: the scene has no function build(scene)")
     module.build(scene)
     return getattr(module, "update", stays)
+
+
+def write_file(file: str, text: str) -> None:
+    """Under a temporary name in the same folder, then renamed: the file is whole or not there."""
+    path = pathlib.Path(file)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
+    try:
+        partial.write_text(text)
+        partial.replace(path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise Error(4, f"error: cannot write '{file}'") from error
+
+
+STOPPED = 130  # exit status: 128 + SIGINT, as shells have it; also for SIGTERM
+_host: Host | None = None
+_is_asked = False
+
+
+def open_host(arguments: argparse.Namespace, check: bool = False) -> Host:
+    global _host
+    _host = Host(arguments.device, arguments.validation, arguments.plugins, check=check)
+    return _host
+
+
+def stop_on_signals() -> None:
+    """The first SIGINT or SIGTERM stops the work where nothing is half done; the second ends the process at once.
+
+    Python's own handlers wait for a call of the library to return; the byte of set_wakeup_fd comes at once.
+    """
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    signal.set_wakeup_fd(write, warn_on_full_buffer=False)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) != signal.SIG_IGN:
+            signal.signal(number, lambda *_: None)
+
+    def listen() -> None:
+        global _is_asked
+        while number := os.read(read, 1):
+            if _is_asked:
+                os._exit(128 + number[0])
+            _is_asked = True
+            if _host is not None:
+                try:
+                    _host.cancel()
+                except Error:
+                    pass  # closed meanwhile
+
+    threading.Thread(target=listen, daemon=True).start()
+
+
+def stop_if_asked() -> None:
+    if _is_asked:
+        raise Error(6, "stopped")
 
 
 def stays(_scene: Scene, _time: float) -> None:
@@ -86,11 +144,19 @@ def use_animation(scene: Scene, arguments: argparse.Namespace) -> None:
         scene.use_animation(arguments.animation or 0, arguments.loop)
 
 
+def times_of(frame_ms: list[float]) -> dict:
+    """Wall times of frames: the first, which compiles, apart from those after it."""
+    times = {"frames": len(frame_ms), "first_ms": frame_ms[0]}
+    if rest := frame_ms[1:]:
+        times |= {"median_ms": statistics.median(rest), "minimum_ms": min(rest), "maximum_ms": max(rest)}
+    return times
+
+
 def run(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
     if arguments.check:  # what a frame leaves to the next one comes round in the third
         arguments.frames = max(arguments.frames, 3)
-    with Host(arguments.device, arguments.validation, check=arguments.check) as host:
+    with open_host(arguments, arguments.check) as host:
         with host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
             outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or ["heddle.png"]]
             for port, _ in outputs:
@@ -99,14 +165,18 @@ def run(arguments: argparse.Namespace) -> int:
             update = load_all(scene, scene_file, arguments)
             use_camera(scene, arguments.camera)
             use_animation(scene, arguments)
+            frame_ms = []
             for frame in range(arguments.frames):
+                stop_if_asked()
                 is_last = frame + 1 == arguments.frames
                 time = arguments.time + frame * arguments.time_step
                 update(scene, time)
                 graph.render(scene, time=time, time_step=arguments.time_step, seed=arguments.seed,
                              profile=arguments.profile and is_last)
+                frame_ms.append(graph.stats()["wall_ms"])
                 for port, file in outputs:
                     if is_last or frame_file(file, frame) != file:
+                        stop_if_asked()
                         file = frame_file(file, frame)
                         pathlib.Path(file).parent.mkdir(parents=True, exist_ok=True)
                         host.write_image(file, graph.read(port))
@@ -115,6 +185,11 @@ def run(arguments: argparse.Namespace) -> int:
                 say(arguments, f"checked {arguments.frames} frames: every hazard and layout is covered, and every pass "
                                "keeps to its role's numbers")
             stats = graph.stats()
+            stats["run"] = times_of(frame_ms)
+            if arguments.stats == "-":
+                print(json.dumps(stats, indent=2))
+            elif arguments.stats:
+                write_file(arguments.stats, json.dumps(stats, indent=2) + "\n")
             if arguments.profile:
                 for stage in stats["stages"]:
                     print(f"{stage['pass']:<16} {stage['stage']:<16} {stage['wall_ms']:10.3f} ms wall "
@@ -124,12 +199,15 @@ def run(arguments: argparse.Namespace) -> int:
                 say(arguments, f"loop of pass '{loop['pass']}': {loop['done']} of {loop['total']} iterations" +
                     ("" if is_complete else "; more --frames go on where nothing changes, as with --time-step 0"))
             say(arguments, f"frame {arguments.frames} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms")
+            if len(frame_ms) > 1:
+                say(arguments, "{frames} frames: first {first_ms:.1f} ms; then median {median_ms:.1f} ms "
+                               "({minimum_ms:.1f} to {maximum_ms:.1f})".format(**stats["run"]))
     return 0
 
 
 def check(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
-    with Host(arguments.device, arguments.validation, check=True) as host:
+    with open_host(arguments, True) as host:
         with host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
             for port in arguments.port:
                 graph.keep(port)
@@ -137,6 +215,42 @@ def check(arguments: argparse.Namespace) -> int:
             use_camera(scene, arguments.camera)
             report = graph.check(scene, max(arguments.frames, 3), arguments.time, 0.0, arguments.seed)
             print(json.dumps(report, indent=2))
+    return 0
+
+
+def explain(arguments: argparse.Namespace) -> int:
+    graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    with open_host(arguments) as host, host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
+        load_all(scene, scene_file, arguments)(scene, arguments.time)
+        use_camera(scene, arguments.camera)
+        use_animation(scene, arguments)
+        graph.render(scene, time=arguments.time, seed=arguments.seed)
+        print(graph.explain(arguments.format, arguments.why))
+    return 0
+
+
+def inspect(arguments: argparse.Namespace) -> int:
+    pixels = [word.split(",") for word in arguments.files if re.fullmatch(r"\d+,\d+", word)]
+    if not pixels:
+        raise Error(2, "error: no pixel was named\n  expected: X,Y in pixels of the frame from its top left, for instance "
+                       "320,180")
+    files = [word for word in arguments.files if not re.fullmatch(r"\d+,\d+", word)]
+    graph_file, scene_file = sort_files(files, arguments.scene)
+    with open_host(arguments) as host, host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
+        for port in arguments.port:
+            graph.keep(port)
+        update = load_all(scene, scene_file, arguments)
+        use_camera(scene, arguments.camera)
+        use_animation(scene, arguments)
+        for frame in range(arguments.frames):
+            stop_if_asked()
+            time = arguments.time + frame * arguments.time_step
+            update(scene, time)
+            if frame + 1 < arguments.frames:
+                graph.render(scene, time=time, time_step=arguments.time_step, seed=arguments.seed)
+        format = "json" if arguments.json else "text"
+        seen = graph._inspect([(int(x), int(y)) for x, y in pixels], scene, time, arguments.time_step, arguments.seed, format)
+        print(seen, end="\n" if arguments.json else "")
     return 0
 
 
@@ -148,7 +262,7 @@ def compare(arguments: argparse.Namespace) -> int:
         raise Error(2, f"error: --swap '{arguments.swap}' is not PASS=A,B\n  help:     --swap ao=gtao,ray_traced")
     folder = pathlib.Path(arguments.folder)
     folder.mkdir(parents=True, exist_ok=True)
-    with Host(arguments.device, arguments.validation) as host, host.scene() as scene:
+    with open_host(arguments) as host, host.scene() as scene:
         load_all(scene, scene_file, arguments)(scene, arguments.time)
         use_camera(scene, arguments.camera)
         use_animation(scene, arguments)
@@ -162,6 +276,7 @@ def compare(arguments: argparse.Namespace) -> int:
                 graph.render(scene, time=arguments.time, seed=arguments.seed)  # compiles: not timed
             for repeat in range(arguments.repeats):
                 for index in ((0, 1) if repeat % 2 == 0 else (1, 0)):
+                    stop_if_asked()
                     graphs[index].render(scene, time=arguments.time, seed=arguments.seed, anew=True)
                     times[index].append(graphs[index].stats()["submit_ms"])
             images = [graph.read(arguments.port) for graph in graphs]
@@ -205,6 +320,8 @@ def main() -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     for name, body, text in (("run", run, "render a scene through a graph and write images"),
                              ("check", check, "prove that a graph does what it declares"),
+                             ("explain", explain, "say what the graph compiler decided for a scene and why"),
+                             ("inspect", inspect, "say what every image port holds at a pixel"),
                              ("compare", compare, "compare two techniques of one pass on a scene")):
         command = commands.add_parser(name, help=text)
         command.set_defaults(body=body)
@@ -215,6 +332,7 @@ def main() -> int:
         command.add_argument("--camera", help="name or number of a camera")
         command.add_argument("--set", action="append", default=[], help="change the graph: ao.technique=gtao")
         command.add_argument("--device", help="part of a device's name, or its index")
+        command.add_argument("--plugins", help="folders with plugins, separated by ':'")
         command.add_argument("--validation", action="store_true")
         command.add_argument("--time", type=float, default=0.0, help="scene time of the first frame, seconds")
         command.add_argument("--animation", help="name or number of the animation to play, or none")
@@ -225,6 +343,7 @@ def main() -> int:
             command.add_argument("--output", "-o", action="append", help="FILE, or PASS.PORT=FILE, for each frame if it has %%04d (default: heddle.png)")
             command.add_argument("--frames", type=int, default=1)
             command.add_argument("--time-step", type=float, default=1 / 60, help="seconds from frame to frame")
+            command.add_argument("--stats", help="write counters, memory and times as JSON; - for standard output")
             command.add_argument("--profile", action="store_true")
             command.add_argument("--check", action="store_true",
                                  help="prove barriers and search outputs for NaN, Inf and values out of range")
@@ -232,15 +351,27 @@ def main() -> int:
             command.add_argument("--port", action="append", default=[], help="compare this port too, PASS.PORT")
             command.add_argument("--frames", type=int, default=3)
             command.add_argument("--json", action="store_true", help="always so here")
+        elif name == "explain":
+            command.add_argument("--format", choices=("text", "json", "dot"), default="text")
+            command.add_argument("--why", help="explain one PASS; text or json")
+        elif name == "inspect":
+            command.add_argument("--port", action="append", default=[], help="PASS.PORT: run this pass too")
+            command.add_argument("--frames", type=int, default=1)
+            command.add_argument("--time-step", type=float, default=1 / 60, help="seconds from frame to frame")
+            command.add_argument("--json", action="store_true")
         else:
             command.add_argument("--swap", required=True, help="PASS=A,B; B is the reference")
             command.add_argument("--port", help="compare this port, PASS.PORT, not the output")
             command.add_argument("--folder", default="out")
             command.add_argument("--repeats", type=int, default=3)
     arguments = parser.parse_args()
+    stop_on_signals()
     try:
         return arguments.body(arguments)
     except Error as error:
+        if error.status == 6:
+            print("stopped", file=sys.stderr)
+            return STOPPED
         print(error, file=sys.stderr)
         return error.status
 

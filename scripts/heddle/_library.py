@@ -14,6 +14,7 @@ RENDER_PROFILE = 1
 RENDER_ANEW = 2
 ANIMATION_LOOP = 1
 LOAD_TRUSTED = 1
+CANCELLED = 6
 
 LogFunction = ctypes.CFUNCTYPE(None, c_void_p, c_uint32, c_char_p)
 
@@ -121,6 +122,8 @@ PROTOTYPES = {
     "heddle_destroy": (None, [c_void_p]),
     "heddle_error": (c_char_p, [c_void_p]),
     "heddle_list": (c_int32, [c_void_p, _TEXT]),
+    "heddle_cancel": (None, [c_void_p]),
+    "heddle_schema": (c_int32, [c_void_p, c_char_p, _TEXT]),
     "heddle_devices": (c_int32, [c_void_p, _TEXT]),
     "heddle_doctor": (c_int32, [c_void_p, _TEXT]),
     "heddle_scene_create": (c_int32, [c_void_p, POINTER(c_void_p)]),
@@ -147,10 +150,14 @@ PROTOTYPES = {
         c_int32, [c_void_p, c_char_p, c_char_p, c_char_p, POINTER(c_char_p), c_uint32, POINTER(c_void_p)]),
     "heddle_graph_destroy": (None, [c_void_p]),
     "heddle_graph_explain": (c_int32, [c_void_p, c_char_p, _TEXT]),
+    "heddle_graph_explain_pass": (c_int32, [c_void_p, c_char_p, c_char_p, _TEXT]),
+    "heddle_graph_describe": (c_int32, [c_void_p, _TEXT]),
     "heddle_graph_keep": (c_int32, [c_void_p, c_char_p]),
     "heddle_graph_set": (c_int32, [c_void_p, c_char_p]),
     "heddle_render": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions)]),
     "heddle_read": (c_int32, [c_void_p, c_char_p, c_uint32, c_uint32, POINTER(Image)]),
+    "heddle_inspect": (
+        c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), POINTER(c_uint32), c_uint32, c_char_p, _TEXT]),
     "heddle_graph_check": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), c_uint32, _TEXT]),
     "heddle_stats": (c_int32, [c_void_p, _TEXT]),
     "heddle_image_read": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),

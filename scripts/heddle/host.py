@@ -22,7 +22,7 @@ WRAPS = ("repeat", "mirror", "clamp")
 
 
 class Error(RuntimeError):
-    """A call failed. `status` is the heddle_status (2 bad input, 3 unsupported, 4 failed, 5 bug)."""
+    """A call failed. `status` is the heddle_status (2 bad input, 3 unsupported, 4 failed, 5 bug, 6 cancelled)."""
 
     def __init__(self, status: int, message: str):
         super().__init__(message)
@@ -142,6 +142,16 @@ class Host(_Object):
         self._check(function(self._handle, ctypes.byref(text)))
         return text.value.decode()
 
+    def cancel(self) -> None:
+        """Stops the frame that renders, or else the next one: its call raises Error with status 6. From any thread."""
+        _heddle.heddle_cancel(self._handle)
+
+    def schema(self, kind: str = "graph") -> dict:
+        """A JSON Schema (draft 7) of "graph" files, made from manifests alone, or of "scene" overlays."""
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_schema(self._handle, kind.encode(), ctypes.byref(text)))
+        return json.loads(text.value.decode())
+
     def list(self) -> dict:
         """Roles and techniques, from manifests alone."""
         return json.loads(self._text(_heddle.heddle_list))
@@ -162,16 +172,9 @@ class Host(_Object):
 
     def graph(self, file: str | pathlib.Path = "deferred", settings: Sequence[str] = ()) -> Graph:
         """A graph from a TOML file, or a shipped one by name; settings as "ao.technique=gtao"."""
-        path = pathlib.Path(file)
-        if not path.exists():
-            name = path.name if path.suffix == ".toml" else path.name + ".toml"
-            for folder in (c.find().parent / "heddle" / "graphs", pathlib.Path(__file__).parents[1] / "graphs"):
-                if (folder / name).exists():
-                    path = folder / name
-                    break
         texts = (ctypes.c_char_p * max(len(settings), 1))(*[setting.encode() for setting in settings])
         handle = ctypes.c_void_p()
-        self._check(_heddle.heddle_graph_load(self._handle, str(path).encode(), texts, len(settings),
+        self._check(_heddle.heddle_graph_load(self._handle, str(file).encode(), texts, len(settings),
                                               ctypes.byref(handle)))
         return Graph(handle, self)
 
@@ -374,6 +377,7 @@ class Graph(_Object):
     """A frame graph that renders scenes."""
 
     _destroy = _heddle.heddle_graph_destroy
+    _last: tuple[Scene, float, int] | None = None  # scene, time_step and seed of the last frame
 
     def keep(self, port: str) -> None:
         """Keeps a port, "ao.visibility", readable after the frames to come."""
@@ -389,11 +393,54 @@ class Graph(_Object):
         the last Scene.set_time or frame, at first 0). profile: stage by stage, timed one by one.
 
         A graph whose loops are complete (supersampling) submits nothing while nothing changes; anew: it does."""
-        time = scene._time if time is None else float(time)
-        flags = (c.RENDER_PROFILE if profile else 0) | (c.RENDER_ANEW if anew else 0)
-        options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), flags, time, time_step, seed, int(cut), 0)
+        options = self._options(scene, time, time_step, seed, cut, profile, anew)
         self._check(_heddle.heddle_render(self._handle, scene._handle, ctypes.byref(options)))
-        scene._time = time
+        scene._time = options.time
+
+    def _options(self, scene: Scene, time: float | None, time_step: float, seed: int, cut: bool = False,
+                 profile: bool = False, anew: bool = False) -> c.RenderOptions:
+        time = scene._time if time is None else float(time)
+        self._last = (scene, time_step, seed)
+        flags = (c.RENDER_PROFILE if profile else 0) | (c.RENDER_ANEW if anew else 0)
+        return c.RenderOptions(ctypes.sizeof(c.RenderOptions), flags, time, time_step, seed, int(cut), 0)
+
+    def inspect(self, x: int, y: int, *more: tuple[int, int], scene: Scene | None = None, time: float | None = None,
+                time_step: float | None = None, seed: int | None = None, format: str = "json") -> list[dict] | str:
+        """Renders one frame, and says what every image port held at pixel (x, y) of it, and at `more` of them as (x, y).
+
+        scene, time_step, seed: None: those of the last frame
+        time:    None: the scene's time
+        returns: for each pixel {"pixel": [x, y], "ports": [...]}, each version of each image port in the order of
+                 execution: name, pass, port, technique, stage, place, format, extent, unit, changes, texel, and layers of
+                 float values; what is no number is float nan or inf. format "text": a table for people
+        raises:  Error for a pixel outside of the frame
+        """
+        text = self._inspect([(x, y), *more], scene, time, time_step, seed, format)
+        if format != "json":
+            return text
+        seen = json.loads(text)["pixels"]
+        for pixel in seen:
+            for port in pixel["ports"]:
+                for layer in port.get("layers", []):
+                    layer["values"] = [float(value) for value in layer["values"]]
+        return seen
+
+    def _inspect(self, pixels, scene, time, time_step, seed, format) -> str:
+        last_scene, last_step, last_seed = self._last or (None, 0.0, 0)
+        scene = last_scene if scene is None else scene
+        if scene is None:
+            raise Error(2, "error: no scene to inspect\n  help:     say scene=, or render a frame before")
+        for pixel in pixels:
+            if len(pixel) != 2 or any(int(number) != number or not 0 <= number < 2**32 for number in pixel):
+                raise Error(2, f"error: {pixel} is no pixel\n  expected: x and y, integers of at least 0")
+        options = self._options(scene, time, last_step if time_step is None else time_step,
+                                last_seed if seed is None else seed)
+        numbers = (ctypes.c_uint32 * (2 * len(pixels)))(*[int(number) for pixel in pixels for number in pixel])
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_inspect(self._handle, scene._handle, ctypes.byref(options), numbers, len(pixels),
+                                           format.encode(), ctypes.byref(text)))
+        scene._time = options.time
+        return text.value.decode()
 
     def read(self, port: str | None = None, layer: int = 0, mip: int = 0) -> NDArray[np.float32]:
         """float32 (height, width, channels) of a kept port, or of the graph's output (None)."""
@@ -423,11 +470,22 @@ class Graph(_Object):
         self._check(_heddle.heddle_stats(self._handle, ctypes.byref(text)))
         return json.loads(text.value.decode())
 
-    def explain(self, format: str = "text") -> str:
-        """What was decided and why: text, json or dot."""
+    def explain(self, format: str = "text", why: str | None = None) -> str:
+        """What was decided and why: text, json or dot. why: of one pass: why it runs or does not, why it stands where it
+        stands, where each of its settings comes from; text or json."""
         text = ctypes.c_char_p()
-        self._check(_heddle.heddle_graph_explain(self._handle, format.encode(), ctypes.byref(text)))
+        if why is None:
+            self._check(_heddle.heddle_graph_explain(self._handle, format.encode(), ctypes.byref(text)))
+        else:
+            self._check(_heddle.heddle_graph_explain_pass(self._handle, why.encode(), format.encode(), ctypes.byref(text)))
         return text.value.decode()
+
+    def describe(self) -> dict:
+        """What the graph says, without planning it: file, extent, output, presets, passes with their techniques, parameters
+        and inputs, and the names and types of all ports."""
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_graph_describe(self._handle, ctypes.byref(text)))
+        return json.loads(text.value.decode())
 
 
 def _light(type, intensity, position, direction, range, inner_angle, outer_angle, radius, tangent, segment_length, half_extent,

@@ -127,6 +127,45 @@ TEST(Overlay, NamesTheNearestFileWhenOneIsMissing) {
   EXPECT_THAT(message, HasSubstr("did you mean 'deferred.toml'?"));
 }
 
+TEST(Overlay, FindsAShippedGraphByItsNameUnlessAFileHasIt) {
+  const testing::PluginFolder folder;
+  const auto shipped = folder.path() / "shipped";
+  const auto own = folder.path() / "own";
+  std::filesystem::create_directories(shipped);
+  std::filesystem::create_directories(own);
+  std::ofstream(shipped / "base.toml") << kSmallGraph;
+  std::ofstream(own / "over.toml") << "extends = \"base\"\nremove = [\"ao\"]\n";
+  EXPECT_EQ(read_graph(own / "over.toml", shipped).passes.size(), 3U);
+  EXPECT_EQ(read_graph("base", shipped).passes.size(), 4U);
+  EXPECT_EQ(read_graph("base.toml", shipped).file, (shipped / "base.toml").string());
+  std::ofstream(own / "base") << "output = \"display.color\"\n[[pass]]\nname = \"ao\"\nrole = \"ambient_occlusion\"\n"
+                                 "technique = \"gtao\"\n";
+  EXPECT_EQ(read_graph(own / "over.toml", shipped).passes.size(), 0U) << "a file beside it comes first";
+}
+
+TEST(Overlay, NamesBothPlacesThatWereLookedAt) {
+  const testing::PluginFolder folder;
+  const auto shipped = folder.path() / "shipped";
+  std::filesystem::create_directories(shipped);
+  std::ofstream(shipped / "deferred.toml") << kSmallGraph;
+  std::ofstream(folder.path() / "over.toml") << "extends = \"defered\"\n";
+  const std::string root = folder.path().string();
+  EXPECT_EQ(message_of([&] { read_graph(folder.path() / "over.toml", shipped); }),
+            root +
+                "/over.toml:1:11: error: there is neither a file nor a shipped graph 'defered'\n  expected: one of the "
+                "files " +
+                root + "/defered and " + root + "/shipped/defered.toml\n  help:     did you mean 'deferred'?");
+}
+
+TEST(Overlay, RemembersWhatItRemoved) {
+  const WrittenGraph graph =
+      overlay(parse(kSmallGraph, "base.toml"), parse("extends = \"base.toml\"\nremove = [\"ao\"]\n", "over.toml"));
+  ASSERT_EQ(graph.removed.size(), 1U);
+  EXPECT_EQ(graph.removed[0].where.file, "over.toml");
+  EXPECT_EQ(graph.removed[0].where.line, 2U);
+  EXPECT_EQ(graph.removed[0].pass.where.file, "base.toml");
+}
+
 TEST(Setting, TakesWordsWithoutQuotesAndTomlValues) {
   WrittenGraph graph = parse(kSmallGraph, "base.toml");
   apply_setting(graph, "ao.technique=ray_traced");

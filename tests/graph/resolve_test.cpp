@@ -44,6 +44,31 @@ ResolvedGraph with_settings(std::initializer_list<const char*> settings, std::st
   return resolve(written, testing::shared_registry());
 }
 
+TEST(Resolve, WarnsOfNumbersInAnotherUnit) {
+  EXPECT_THAT(with_settings({}).warnings, IsEmpty());
+  EXPECT_EQ(to_text(with_settings({"ao.inputs.depth=gbuffer.normal"}).warnings),
+            "--set:1:17: warning: pass 'ao': input 'depth' is in m, but 'gbuffer.normal' is without unit\n"
+            "  found:    inputs.depth = \"gbuffer.normal\"\n"
+            "  expected: a port in m\n"
+            "  help:     'gbuffer.depth' is one");
+  EXPECT_THAT(with_settings({"lighting.inputs.material=gbuffer.normal"}).warnings, IsEmpty())
+      << "the role says no unit";
+}
+
+TEST(Resolve, RemembersWhereParametersComeFrom) {
+  const ResolvedGraph graph = with_settings({"params.near=0.25", "ao.params.radius=$near"});
+  const Pass& ao = find(graph, "ao");
+  std::size_t given = 0;
+  for (std::size_t i = 0; i < ao.parameters.size(); ++i) {
+    if (!ao.origins[i].where) continue;
+    ++given;
+    EXPECT_EQ(ao.entry.technique->parameters[i].name, "radius");
+    EXPECT_EQ(ao.origins[i].preset, "near");
+    EXPECT_EQ(ao.origins[i].preset_where.column, 13U);
+  }
+  EXPECT_EQ(given, 1U);
+}
+
 constexpr std::string_view kShadows = R"(output = "lighting.radiance"
 [[pass]]
 role = "sky"

@@ -1,0 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
+// A JSON Schema (draft 7) of scene overlays, *.scene.toml, for editors.
+#pragma once
+
+#include "json.hpp"
+
+namespace heddle::scene {
+
+/// The keys and ranges of overlay.cpp; a test compares both.
+Json overlay_schema();
+
+}  // namespace heddle::scene
