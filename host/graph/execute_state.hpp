@@ -9,12 +9,12 @@
 namespace heddle::graph {
 
 /// A value port's bytes on the CPU, and where shaders see them: as a uniform block, and as a storage buffer behind 16
-/// bytes of header (so that `.length()` is right for empty lists).
+/// bytes of header (so that `.length()` is right for empty lists). Those are filled when a shader first asks: what only
+/// the CPU reads never gets to the device.
 struct Value {
   std::vector<std::byte> bytes;
-  bool is_set = false;
+  bool is_set = false, is_uniform_new = false, is_storage_new = false;
   vulkan::Buffer uniform, storage;
-  std::uint64_t uniform_range = 0, storage_range = 0;
 };
 
 /// Run-time side of a Resource. Later versions of images and buffers point to their first version by `root`.
@@ -78,6 +78,7 @@ struct Executor::State {
   // The plan; valid while `is_planned`.
   bool is_planned = false;
   std::vector<std::string> planned_features;
+  std::array<std::uint32_t, 2> planned_environment{};  // width, height
   Order order;
   std::vector<MemoryNeed> needs;
   std::uint32_t memory_types = 0;  // that serve them all
@@ -140,7 +141,12 @@ struct Executor::State {
   [[nodiscard]] vulkan::ImageShape image_shape(const Resource& resource) const;
 
   void set_scene_values(const scene::Scene& scene);
+  void set_environment(ResourceIndex resource, const scene::Scene& scene);
+  /// What the plan depends on of a scene is as it was.
+  [[nodiscard]] bool is_planned_for(const scene::Scene& scene) const;
   void set_value(ResourceIndex resource, std::span<const std::byte> bytes);
+  VkDescriptorBufferInfo uniform_of(Value& value);
+  VkDescriptorBufferInfo storage_of(Value& value);
   void begin_commands();
   void submit_and_wait();
   void record_barriers(std::span<const Barrier> list);
@@ -153,6 +159,8 @@ struct Executor::State {
   void bind(const PassState& pass, const ShaderState& shader, const vulkan::Pipeline& pipeline, const void* push,
             std::uint32_t push_bytes);
   vulkan::Buffer switch_table(const Pass& caller, const std::string& role);
+  void draw_surfaces(const PassState& pass, const ShaderState& shader, const heddle_draw& drawing,
+                     const HeddleView& view);
   void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer);
   [[nodiscard]] VkExtent2D attachment_extent(const Pass& pass, const Stage& stage) const;
   std::uint32_t add_view(const HeddleView& view);
