@@ -180,6 +180,50 @@ void check_finite(std::span<const float> values, const std::string& object, cons
   }
 }
 
+heddle::scene::Environment environment_from(const heddle_environment& given) {
+  const auto is_side = [](std::uint32_t size) { return size >= 1 && size <= 16384; };
+  if (!is_side(given.width) || !is_side(given.height) || given.pixels == nullptr) {
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("the environment is {} x {} texels: expected 1 to 16384 each, and pixels",
+                                              given.width, given.height));
+  }
+  if (given.channels != 1 && given.channels != 3 && given.channels != 4) {
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("the environment has {} channels: expected 1, 3 or 4", given.channels));
+  }
+  const double* q = given.rotation;
+  const double length = std::sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+  if (!std::isfinite(length) || !std::isfinite(given.scale) || given.scale < 0 || given.scale > 3e38) {
+    throw Error(HEDDLE_BAD_INPUT,
+                fmt::format("the environment's scale is {}, its rotation {} {} {} {}: expected finite "
+                            "numbers, and a scale that is not negative",
+                            given.scale, q[0], q[1], q[2], q[3]));
+  }
+  static std::atomic<std::uint32_t> revisions{0};
+  heddle::scene::Environment made;
+  made.record.width = given.width;
+  made.record.height = given.height;
+  made.record.scale = given.scale > 0 ? static_cast<float>(given.scale) : 1.0F;
+  made.record.revision = ++revisions;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const double none = i == 3 ? 1.0 : 0.0;
+    made.record.rotation[i] = static_cast<float>(length > 0 ? q[i] / length : none);
+  }
+  const std::size_t count = std::size_t{given.width} * given.height;
+  made.texels.resize(count * 4);
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      const float value = given.pixels[i * given.channels + (given.channels == 1 ? 0 : c)];
+      if (!std::isfinite(value) || value < 0) {
+        throw Error(HEDDLE_BAD_INPUT, fmt::format("the environment's texel {}, {} is {}: expected radiance, finite and "
+                                                  "not negative",
+                                                  i % given.width, i / given.width, value));
+      }
+      made.texels[i * 4 + c] = value;
+    }
+    made.texels[i * 4 + 3] = 1.0F;
+  }
+  return made;
+}
+
 void check_material(const HeddleMaterial& record, const std::string& name) {
   const std::string object = fmt::format("material '{}'", name);
   if (record.alpha_mode > HEDDLE_ALPHA_BLEND) {
@@ -673,6 +717,21 @@ heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_t id, const he
     const heddle_camera taken = take(camera, "camera");
     check_camera(taken);
     scene->scene.cameras[id].record = taken;
+  });
+}
+
+heddle_status heddle_scene_set_environment(heddle_scene* scene, const heddle_environment* environment) {
+  return guarded(scene->host->error, [&] {
+    if (environment == nullptr) {
+      scene->scene.environment.reset();
+      return;
+    }
+    heddle::scene::Environment made = environment_from(take(environment, "environment"));
+    // What only turns or scales the image keeps all that was made from it.
+    const auto& before = scene->scene.environment;
+    if (before && before->record.width == made.record.width && before->texels == made.texels)
+      made.record.revision = before->record.revision;
+    scene->scene.environment = std::move(made);
   });
 }
 

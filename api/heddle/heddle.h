@@ -128,6 +128,16 @@ typedef struct heddle_camera {
   double far_distance;     /* orthographic only; 0: 1000 */
 } heddle_camera;
 
+/* Light from infinitely far away, as an equirectangular image: -Z in its middle, +X to the right of that, +Y on top. */
+typedef struct heddle_environment {
+  uint32_t struct_size;
+  uint32_t width, height;  /* 1 to 16384 */
+  uint32_t channels;       /* 1 grey, 3, or 4, the fourth ignored */
+  const float* pixels;     /* width x height x channels, top row first, linear Rec.709, 0 or above; copied */
+  double scale;            /* cd/m^2 of 1; 0: 1 */
+  double rotation[4];      /* quaternion x y z w, scene from image; all 0: none */
+} heddle_environment;
+
 /* An empty scene. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_create(heddle_host* host, heddle_scene** out);
 /* NULL is ignored. [main-thread] */
@@ -166,6 +176,9 @@ HEDDLE_EXPORT heddle_status heddle_scene_set_instance(heddle_scene* scene, uint3
 HEDDLE_EXPORT heddle_status heddle_scene_set_light(heddle_scene* scene, uint32_t id, const heddle_light* light);
 /* Moves a camera. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_t id, const heddle_camera* camera);
+/* The scene's environment; NULL: none. Seen by graphs with a technique that reads it, sky/environment_map.
+ * [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_set_environment(heddle_scene* scene, const heddle_environment* environment);
 /* Which camera renders; HEDDLE_NONE: one made to see the whole scene. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_use_camera(heddle_scene* scene, uint32_t id);
 /* The camera in use, as it would render a frame of this shape. [main-thread] */

@@ -248,6 +248,16 @@ constexpr heddle_access color_target(const char* p) {
 constexpr heddle_access color_cleared(const char* p, std::array<float, 4> clear) {
   return access(p, HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_CLEAR, clear);
 }
+/// A colour attachment that keeps what is there and mixes what is drawn into it; `blend` is HEDDLE_BLEND_*.
+constexpr heddle_access color_blended(const char* p, std::uint32_t blend) {
+  heddle_access a = access(p, HEDDLE_ACCESS_COLOR);
+  a.blend = blend;
+  return a;
+}
+/// A depth attachment that is tested and left as it is.
+constexpr heddle_access depth_tested(const char* p) {
+  return access(p, HEDDLE_ACCESS_DEPTH_READ);
+}
 /// A depth attachment; 0 is infinitely far away.
 constexpr heddle_access depth_cleared(const char* p, float clear = 0.0F) {
   return access(p, HEDDLE_ACCESS_DEPTH, HEDDLE_LOAD_CLEAR, {clear, 0, 0, 0});

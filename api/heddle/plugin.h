@@ -117,6 +117,15 @@ typedef struct heddle_parameter {
 #define HEDDLE_LOAD_KEEP 0u
 #define HEDDLE_LOAD_CLEAR 1u
 #define HEDDLE_LOAD_DONT_CARE 2u
+#define HEDDLE_LOAD_CLEAR_NEW 3u /* an optional inout port: clear if nobody made it above, else keep what is there */
+
+/* How colours that a stage draws meet those in a colour attachment: each attachment has its own. */
+#define HEDDLE_BLEND_NONE 0u     /* they take their place */
+#define HEDDLE_BLEND_OVER 1u     /* new + (1 - new.a) old: premultiplied colour over what is behind */
+#define HEDDLE_BLEND_ADD 2u      /* new + old */
+#define HEDDLE_BLEND_MULTIPLY 3u /* new * old */
+#define HEDDLE_BLEND_TINT 4u     /* new + NAME_tint old, a second output of the shader; a stage's only colour attachment.
+                                    Needs the Vulkan feature dualSrcBlend */
 
 typedef struct heddle_access {
   uint32_t struct_size;
@@ -124,6 +133,8 @@ typedef struct heddle_access {
   uint32_t access;
   uint32_t load;  /* attachments: HEDDLE_LOAD_* at the stage's first drawing into each layer */
   float clear[4]; /* depth: [0] */
+  uint32_t blend; /* HEDDLE_ACCESS_COLOR: HEDDLE_BLEND_* */
+  uint32_t reserved;
 } heddle_access;
 
 #define HEDDLE_SHADER_COMPUTE 0u
@@ -212,7 +223,7 @@ typedef struct heddle_shape {
   uint32_t type; /* HEDDLE_PORT_* */
   uint32_t format, width, height, layers, mips;
   uint64_t byte_size;
-  uint32_t is_bound; /* 0: the optional input is absent */
+  uint32_t is_bound; /* 0: the optional input is absent; of an inout port: nobody made it above, this pass does */
 } heddle_shape;
 
 typedef struct heddle_frame_info {
@@ -228,12 +239,13 @@ typedef struct heddle_frame_info {
   uint32_t reserved;
 } heddle_frame_info;
 
-/* Memory of a port during execute (cpu stages). Rows are tightly packed, layer by layer, mip 0 only. */
+/* Memory of a port during execute (cpu stages). Rows are tightly packed, layer by layer, and all layers mip by mip, the
+ * finest first. */
 typedef struct heddle_mapped {
   uint32_t struct_size;
   void* data; /* readable and/or writable as the stage declared; valid until execute returns */
   heddle_shape shape;
-  uint64_t row_bytes;
+  uint64_t row_bytes; /* of mip 0 */
   uint64_t frame; /* index of the frame that made the contents; HEDDLE_NO_FRAME: a stage with latency, too early after the
                      first frame or a cut: all bytes are 0 */
 } heddle_mapped;
@@ -259,6 +271,14 @@ typedef struct heddle_snapshot {
 typedef uint32_t (*heddle_alpha_test)(const heddle_snapshot* snapshot, uint32_t triangle, float barycentric_u,
                                       float barycentric_v);
 
+#define HEDDLE_ORDER_STATE 0u         /* merged into as few draws as possible: opaque, masked, blended */
+#define HEDDLE_ORDER_BACK_TO_FRONT 1u /* instances, by the depth of their bounds' centre along the view axis, in float64;
+                                         equal ones in the scene's order */
+#define HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT 2u /* the same, and within each instance its triangles by their centroids */
+
+#define HEDDLE_CULL_DEFAULT 0u  /* CULL_MATERIAL; depth-only shaders: nothing, so that what is open still casts */
+#define HEDDLE_CULL_MATERIAL 1u /* backs of surfaces that are not double-sided */
+
 /* One drawing of a surfaces port, from one view into one part of the stage's attachments. */
 typedef struct heddle_draw {
   uint32_t struct_size;
@@ -271,6 +291,8 @@ typedef struct heddle_draw {
   uint32_t x, y, width, height; /* pixels; width 0: the whole attachment */
   const void* push;    /* at most 64 bytes, `push` in the shader; NULL: none */
   uint32_t push_bytes;
+  uint32_t order; /* HEDDLE_ORDER_* */
+  uint32_t cull;  /* HEDDLE_CULL_* */
 } heddle_draw;
 
 /* What record and execute are given beside the frame. Functions of one table; fields are appended only. */
@@ -295,15 +317,16 @@ struct heddle_pass_host {
    * HEDDLE_BUG for an unknown port. [main-thread] */
   heddle_status (*set_shape)(const heddle_pass_host* self, const char* port, const heddle_shape* shape);
 
-  /* Shape of a bound port; in declare: of inputs; later: of all. [record-thread] */
+  /* Shape of a bound port; in declare: of inputs; later: of all. Of the scene's environment: the image's width and
+   * height; when they change, passes are declared again. [record-thread] */
   heddle_status (*shape)(const heddle_pass_host* self, const char* port, heddle_shape* out);
 
   /* CPU twin of a role's function, from the provider bound to this pass (the first one); NULL if absent.
    * [record-thread] */
   const void* (*function_service)(const heddle_pass_host* self, const char* role);
 
-  /* In record and execute: bytes of a bound value port (camera: HeddleView; lights: HeddleLight[n]). Valid until the
-   * call returns. NULL and 0 if unbound. [record-thread] */
+  /* In record, execute and activity: bytes of a bound value port (camera: HeddleView; lights: HeddleLight[n];
+   * environment: HeddleEnvironment and texels). Valid until the call returns. NULL and 0 if unbound. [record-thread] */
   const void* (*value)(const heddle_pass_host* self, heddle_frame* frame, const char* port, uint64_t* out_bytes);
 
   /* In execute of a cpu stage, or in record before the first command that reads it: new bytes of an out value port, at

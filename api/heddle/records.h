@@ -119,6 +119,16 @@ HEDDLE_FLOAT4(uv_offset_1_2)       // of textures 1 (xy) and 2 (zw)
 HEDDLE_FLOAT4(uv_offset_3_4)       // of textures 3 (xy) and 4 (zw)
 HEDDLE_END_RECORD(HeddleMaterial)
 
+// --- HeddleEnvironment: head of the scene's value `environment`; behind it width x height vec4 texels. 32 bytes. ------
+// Equirectangular, top row (+Y) first, -Z in the middle, +X to the right of it; linear Rec.709, the fourth component 1.
+HEDDLE_BEGIN_RECORD(HeddleEnvironment)
+HEDDLE_FLOAT4(rotation) // unit quaternion x y z w, scene from image
+HEDDLE_FLOAT(scale)     // cd/m^2 of a texel's 1
+HEDDLE_UINT(width)      // texels; 0: the scene has none
+HEDDLE_UINT(height)
+HEDDLE_UINT(revision)   // from 1; differs where texels may differ
+HEDDLE_END_RECORD(HeddleEnvironment)
+
 // --- HeddleInstance: one placed mesh, as the GPU sees it this frame. 160 bytes. --------------------------------------
 HEDDLE_BEGIN_RECORD(HeddleInstance)
 HEDDLE_MAT4(rel_from_object)          // position_rel = rel_from_object * position; translation made in float64
@@ -134,7 +144,7 @@ HEDDLE_UINT(reserved2_)
 HEDDLE_END_RECORD(HeddleInstance)
 #define HEDDLE_SURFACE_OPAQUE 1u
 #define HEDDLE_SURFACE_MASKED 2u
-#define HEDDLE_SURFACE_BLENDED 4u
+#define HEDDLE_SURFACE_BLENDED 4u // alpha below 1, or light passes through: what is behind shows
 #define HEDDLE_SURFACE_CASTS_SHADOW 8u
 #define HEDDLE_SURFACE_DOUBLE_SIDED 16u
 

@@ -10,6 +10,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <fstream>
@@ -42,6 +43,27 @@ std::uint32_t choose(const std::vector<std::string>& names, const std::string& w
                                                               : fmt::format("one of {}", fmt::join(names, ", ")))};
   }
   return static_cast<std::uint32_t>(found - names.begin());
+}
+
+void set_environment(heddle_host* host, heddle_scene* scene, const RenderArguments& arguments) {
+  heddle_image image{};
+  image.struct_size = sizeof image;
+  check(host, heddle_image_read(host, arguments.environment.c_str(), &image));
+  heddle_environment environment{};
+  environment.struct_size = sizeof environment;
+  environment.width = image.width;
+  environment.height = image.height;
+  environment.channels = image.channels == 2 ? 1 : image.channels;  // grey and alpha
+  std::vector<float> grey;
+  environment.pixels = image.pixels;
+  if (image.channels == 2) {
+    for (std::size_t i = 0; i < std::size_t{image.width} * image.height; ++i) grey.push_back(image.pixels[2 * i]);
+    environment.pixels = grey.data();
+  }
+  environment.scale = arguments.environment_scale;
+  environment.rotation[1] = std::sin(0.5 * arguments.environment_rotation);
+  environment.rotation[3] = std::cos(0.5 * arguments.environment_rotation);
+  check(host, heddle_scene_set_environment(scene, &environment));
 }
 
 bool is_scene(const std::string& file) {
@@ -91,6 +113,11 @@ void RenderArguments::add_to(CLI::App& app) {
       ->take_all()
       ->allow_extra_args(false);
   app.add_option("--camera", camera, "name or number of one of the scene's cameras");
+  app.add_option(
+      "--environment", environment,
+      "equirectangular image that lights the scene: .hdr, .exr ...; without a graph: the graph 'environment'");
+  app.add_option("--environment-scale", environment_scale, "cd/m^2 of the image's 1")->check(CLI::PositiveNumber);
+  app.add_option("--environment-rotation", environment_rotation, "radians that it is turned about the vertical axis");
   app.add_option("--set", settings, "change the graph: ao.technique=gtao, ao.params.radius=1, extent=[640,360]")
       ->take_all()
       ->allow_extra_args(false);
@@ -114,7 +141,7 @@ void RenderArguments::sort_files() {
     }
     kind = file;
   }
-  if (graph.empty()) graph = "deferred";
+  if (graph.empty()) graph = environment.empty() ? "deferred" : "environment";
   graph_file = graph;
 }
 
@@ -139,6 +166,7 @@ Owned<heddle_scene> load_scene(heddle_host* host, const RenderArguments& argumen
   std::vector<std::string> files = arguments.overlays;
   if (!arguments.scene.empty()) files.insert(files.begin(), arguments.scene);
   for (const std::string& file : files) check(host, heddle_scene_load_with(loaded.get(), file.c_str(), &options));
+  if (!arguments.environment.empty()) set_environment(host, loaded.get(), arguments);
   const char* text = nullptr;
   check(host, heddle_scene_describe(loaded.get(), &text));
   const Json description = parse_json(text);

@@ -48,6 +48,8 @@ struct RenderArguments {
   std::string scene;
   std::vector<std::string> overlays;
   std::string camera;
+  std::string environment;  // image file
+  double environment_scale = 1, environment_rotation = 0;
   std::vector<std::string> settings;  // --set
   int frames = 1;
   std::uint64_t seed = 0;

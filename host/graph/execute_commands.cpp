@@ -79,9 +79,10 @@ const void* service(const heddle_pass_host*, const char*) {
 void fill_shape(const Executor::State& executor, const Pass& pass, const std::string& port, heddle_shape& out) {
   out.struct_size = sizeof out;
   const auto found = pass.ports.find(port);
-  out.is_bound = found != pass.ports.end() ? 1U : 0U;
-  if (out.is_bound == 0) return;
+  if (found == pass.ports.end()) return;
   const Resource& resource = executor.graph.resources[found->second];
+  const bool is_inout = pass.entry.technique->find_port(port)->direction == Direction::kInout;
+  out.is_bound = !is_inout || resource.previous_version != kNoIndex ? 1U : 0U;
   out.type = static_cast<std::uint32_t>(resource.type);
   out.format = resource.format;
   out.width = resource.width;
@@ -309,6 +310,10 @@ heddle_status draw(const heddle_pass_host* self, heddle_frame* frame, const hedd
         return wrong(pass, "draws without a view and has no port 'camera'");
       std::memcpy(&view, camera, sizeof view);
     }
+    if (wanted.order > HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT || wanted.cull > HEDDLE_CULL_MATERIAL) {
+      return wrong(pass, fmt::format("draws '{}' with the unknown order {} or cull {}", wanted.surfaces, wanted.order,
+                                     wanted.cull));
+    }
     const heddle_vulkan& vk = executor.device->table();
     executor.begin_rendering(pass, *frame, wanted.layer);
     if (declared.ports.count(std::string_view(wanted.surfaces)) != 0) {
@@ -318,35 +323,7 @@ heddle_status draw(const heddle_pass_host* self, heddle_frame* frame, const hedd
       } else {
         set_viewport(vk, frame->commands, wanted.x, wanted.y, wanted.width, wanted.height);
       }
-      const std::uint32_t view_offset = executor.add_view(view);
-      const scene::SceneBuffers& buffers = *executor.scene_buffers;
-      const bool is_depth_only = shader->shader->file.empty();
-      const vulkan::Pipeline* bound = nullptr;
-      for (const scene::DrawGroup& group : buffers.groups()) {
-        if (group.command_count == 0) continue;
-        if (wanted.include != 0 && (group.flags & wanted.include) == 0) continue;
-        if ((group.flags & wanted.require) != wanted.require) continue;
-        const bool is_masked = (group.flags & HEDDLE_SURFACE_MASKED) != 0;
-        const vulkan::Pipeline& pipeline = is_depth_only && is_masked ? shader->masked : shader->pipeline;
-        if (bound != &pipeline) {
-          executor.bind(pass, *shader, pipeline, wanted.push, wanted.push_bytes);
-          vk.CmdBindDescriptorSets(frame->commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.layout(), 3, 1,
-                                   &executor.program_set, 1, &view_offset);
-          vk.CmdBindIndexBuffer(frame->commands, buffers.indices().handle(), 0, VK_INDEX_TYPE_UINT32);
-          bound = &pipeline;
-        }
-        const VkDescriptorSet material_set = buffers.material_set(group.texture_group);
-        vk.CmdBindDescriptorSets(frame->commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.layout(), 2, 1,
-                                 &material_set, 0, nullptr);
-        // Depth alone is drawn from both sides: what is thin or open still casts.
-        const bool is_two_sided = is_depth_only || (group.flags & HEDDLE_SURFACE_DOUBLE_SIDED) != 0;
-        vk.CmdSetCullMode(frame->commands, is_two_sided ? VK_CULL_MODE_NONE : VK_CULL_MODE_BACK_BIT);
-        vk.CmdSetFrontFace(frame->commands,
-                           group.is_flipped ? VK_FRONT_FACE_CLOCKWISE : VK_FRONT_FACE_COUNTER_CLOCKWISE);
-        vk.CmdDrawIndexedIndirect(frame->commands, buffers.commands().handle(),
-                                  group.first_command * sizeof(VkDrawIndexedIndirectCommand), group.command_count,
-                                  sizeof(VkDrawIndexedIndirectCommand));
-      }
+      executor.draw_surfaces(pass, *shader, wanted, view);
     }
     vk.CmdEndRendering(frame->commands);
     return HEDDLE_OK;
@@ -484,9 +461,10 @@ void Executor::State::begin_rendering(const PassState& state, heddle_frame& fram
     // Storing is writing: what is only tested must not count as written.
     attachment.storeOp =
         access.access == HEDDLE_ACCESS_DEPTH_READ ? VK_ATTACHMENT_STORE_OP_NONE : VK_ATTACHMENT_STORE_OP_STORE;
-    attachment.loadOp = !is_first || access.load == HEDDLE_LOAD_KEEP ? VK_ATTACHMENT_LOAD_OP_LOAD
-                        : access.load == HEDDLE_LOAD_CLEAR           ? VK_ATTACHMENT_LOAD_OP_CLEAR
-                                                                     : VK_ATTACHMENT_LOAD_OP_DONT_CARE;
+    const bool is_there = access.load == HEDDLE_LOAD_CLEAR_NEW && pass.inout_sources.count(access.port) != 0;
+    attachment.loadOp = !is_first || is_there || access.load == HEDDLE_LOAD_KEEP ? VK_ATTACHMENT_LOAD_OP_LOAD
+                        : access.load == HEDDLE_LOAD_DONT_CARE                   ? VK_ATTACHMENT_LOAD_OP_DONT_CARE
+                                                                                 : VK_ATTACHMENT_LOAD_OP_CLEAR;
     if (is_depth) {
       attachment.clearValue.depthStencil = {access.clear[0], 0};
       depth = attachment;
@@ -613,8 +591,7 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         const ResourceIndex resource = resource_of();
         if (graph.resources[resource].type == PortType::kValue) {
           if (!resources[resource].value.is_set) set_value(resource, {});
-          const Value& stored = resources[resource].value;
-          buffers[i] = {stored.storage.handle(), 0, stored.storage_range};
+          buffers[i] = storage_of(resources[resource].value);
         } else {
           buffers[i] = {root(resource).buffer.handle(), 0, VK_WHOLE_SIZE};
         }
@@ -629,7 +606,7 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         if (!resources[resource].value.is_set) {
           set_value(resource, std::vector<std::byte>(std::max<std::uint64_t>(graph.resources[resource].byte_size, 16)));
         }
-        buffers[i] = {resources[resource].value.uniform.handle(), 0, VK_WHOLE_SIZE};
+        buffers[i] = uniform_of(resources[resource].value);
         break;
       }
       case vulkan::Binding::Kind::kParameters:

@@ -149,26 +149,43 @@ void Executor::State::clear_image(ResourceState& state, const Resource& resource
 }
 
 void Executor::State::set_value(ResourceIndex resource, std::span<const std::byte> bytes) {
+  // A value may be written once more within a frame only before anything recorded reads it; the device sees the last.
   Value& value = resources[resource].value;
   value.bytes.assign(bytes.begin(), bytes.end());
-  value.is_set = true;
-  const auto grow = [&](vulkan::Buffer& buffer, std::uint64_t size, VkBufferUsageFlags usage) {
-    if (buffer && buffer.size() >= size) return;
-    if (buffer) frame_buffers.push_back(std::move(buffer));  // commands of this frame may still read it
-    buffer = device->make_buffer(std::max<std::uint64_t>(size * 2, 1024), usage, true);
-  };
-  // A value may be written once more within a frame only before anything recorded reads it; the device sees the last.
-  grow(value.uniform, bytes.size(), VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-  grow(value.storage, bytes.size() + 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
-  std::memset(value.storage.data(), 0, 16);
-  if (!bytes.empty()) {
-    std::memcpy(value.uniform.data(), bytes.data(), bytes.size());
-    std::memcpy(value.storage.data() + 16, bytes.data(), bytes.size());
+  value.is_set = value.is_uniform_new = value.is_storage_new = true;
+}
+
+namespace {
+
+void grow(Executor::State& state, vulkan::Buffer& buffer, std::uint64_t size, VkBufferUsageFlags usage) {
+  if (buffer && buffer.size() >= size) return;
+  if (buffer) state.frame_buffers.push_back(std::move(buffer));  // commands of this frame may still read it
+  buffer = state.device->make_buffer(std::max<std::uint64_t>(size * 2, 1024), usage, true);
+}
+
+}  // namespace
+
+VkDescriptorBufferInfo Executor::State::uniform_of(Value& value) {
+  if (value.is_uniform_new) {
+    const std::uint64_t size = std::max<std::uint64_t>(value.bytes.size(), value.block_bytes);
+    grow(*this, value.uniform, size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    std::memset(value.uniform.data(), 0, size);
+    if (!value.bytes.empty()) std::memcpy(value.uniform.data(), value.bytes.data(), value.bytes.size());
+    device->note_host_write(value.uniform);
+    value.is_uniform_new = false;
   }
-  device->note_host_write(value.uniform);
-  device->note_host_write(value.storage);
-  value.uniform_range = std::max<std::uint64_t>(bytes.size(), 16);
-  value.storage_range = bytes.size() + 16;
+  return {value.uniform.handle(), 0, VK_WHOLE_SIZE};
+}
+
+VkDescriptorBufferInfo Executor::State::storage_of(Value& value) {
+  if (value.is_storage_new) {
+    grow(*this, value.storage, value.bytes.size() + 16, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+    std::memset(value.storage.data(), 0, 16);
+    if (!value.bytes.empty()) std::memcpy(value.storage.data() + 16, value.bytes.data(), value.bytes.size());
+    device->note_host_write(value.storage);
+    value.is_storage_new = false;
+  }
+  return {value.storage.handle(), 0, value.bytes.size() + 16};
 }
 
 void Executor::State::set_scene_values(const scene::Scene& rendered) {
@@ -184,6 +201,7 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     if (!is_scene || resource.type != PortType::kValue) continue;
     if (resource.port == "camera") set_value(i, std::as_bytes(std::span(&view, 1)));
     if (resource.port == "lights") set_value(i, std::as_bytes(std::span(lights)));
+    if (resource.port == "environment") set_environment(i, rendered);
   }
   previous_camera = camera;
   if (!scene_buffers || scene != &rendered) {
@@ -196,6 +214,24 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     info.origin[i] = origin[static_cast<glm::length_t>(i)];
     info.previous_origin[i] = previous_origin[static_cast<glm::length_t>(i)];
   }
+}
+
+void Executor::State::set_environment(ResourceIndex resource, const scene::Scene& rendered) {
+  const HeddleEnvironment none{};
+  const HeddleEnvironment& record = rendered.environment ? rendered.environment->record : none;
+  Value& value = resources[resource].value;
+  // The texels are megabytes: copied only when they are others.
+  if (value.is_set && record.revision != 0 &&
+      reinterpret_cast<const HeddleEnvironment*>(value.bytes.data())->revision == record.revision) {
+    if (std::memcmp(value.bytes.data(), &record, sizeof record) == 0) return;
+    std::memcpy(value.bytes.data(), &record, sizeof record);
+    value.is_uniform_new = value.is_storage_new = true;
+    return;
+  }
+  set_value(resource, std::as_bytes(std::span(&record, 1)));
+  if (!rendered.environment) return;
+  const auto texels = std::as_bytes(std::span(rendered.environment->texels));
+  value.bytes.insert(value.bytes.end(), texels.begin(), texels.end());
 }
 
 std::uint32_t Executor::State::add_view(const HeddleView& view) {
@@ -256,6 +292,35 @@ void Executor::State::write_neutral(PassState& state, const ScheduledStage& stag
     back.new_layout = layout;
     record_barriers({&back, 1});
   }
+}
+
+namespace {
+
+std::uint64_t texel_bytes(const Resource& resource) {
+  return vulkan::format_info(static_cast<VkFormat>(resource.format)).texel_bytes;
+}
+
+}  // namespace
+
+std::vector<VkBufferImageCopy> all_mips(const Resource& resource) {
+  std::vector<VkBufferImageCopy> regions;
+  std::uint64_t offset = 0;
+  const std::uint32_t layers = std::max(resource.layers, 1U);
+  for (std::uint32_t mip = 0; mip < std::max(resource.mips, 1U); ++mip) {
+    VkBufferImageCopy region{};
+    region.bufferOffset = offset;
+    region.imageSubresource = {aspect_of(resource.format), mip, 0, layers};
+    region.imageExtent = {std::max(resource.width >> mip, 1U), std::max(resource.height >> mip, 1U), 1};
+    offset += texel_bytes(resource) * region.imageExtent.width * region.imageExtent.height * layers;
+    regions.push_back(region);
+  }
+  return regions;
+}
+
+std::uint64_t bytes_of(const std::vector<VkBufferImageCopy>& regions, const Resource& resource) {
+  const VkBufferImageCopy& last = regions.back();
+  return last.bufferOffset +
+         texel_bytes(resource) * last.imageExtent.width * last.imageExtent.height * last.imageSubresource.layerCount;
 }
 
 void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& scheduled, heddle_frame& frame) {
@@ -321,10 +386,9 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
       ResourceState& target = root(written);
       const Resource& resource = graph.resources[target.root];
       if (target.image) {
-        VkBufferImageCopy region{};
-        region.imageSubresource = {aspect_of(resource.format), 0, 0, std::max(resource.layers, 1U)};
-        region.imageExtent = {resource.width, resource.height, 1};
-        vk.CmdCopyBufferToImage(commands, mapping.staging.handle(), target.image.handle(), target.layout, 1, &region);
+        const std::vector<VkBufferImageCopy> regions = all_mips(resource);
+        vk.CmdCopyBufferToImage(commands, mapping.staging.handle(), target.image.handle(), target.layout,
+                                static_cast<std::uint32_t>(regions.size()), regions.data());
       } else {
         const VkBufferCopy region{0, 0, mapping.staging.size()};
         vk.CmdCopyBuffer(commands, mapping.staging.handle(), target.buffer.handle(), 1, &region);
@@ -376,7 +440,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
   const auto start = Clock::now();
   // Nothing of a failed frame may reach the next: its plan, values and recorded commands go.
   try {
-    if (!s.is_planned || rendered.features() != s.planned_features) s.plan(rendered.features());
+    if (!s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
     s.begin_frame_memory();
     s.drawn_layers.clear();
     s.looks.clear();

@@ -70,11 +70,8 @@ void Executor::State::carry_over(ResourceIndex newest, ResourceIndex history) {
 void Executor::State::clear_history(ResourceIndex index) {
   const Resource& history = graph.resources[index];
   if (history.type == PortType::kValue) {
-    const std::vector<std::byte> zeros(std::max<std::uint64_t>(history.byte_size, 16));
-    set_value(index, zeros);  // what shaders see of an empty block
-    Value& value = resources[index].value;
-    value.bytes.clear();
-    value.storage_range = 16;
+    set_value(index, {});
+    resources[index].value.block_bytes = std::max<std::uint64_t>(history.byte_size, 16);
     return;
   }
   ResourceState& state = resources[index];
@@ -132,21 +129,18 @@ void Executor::State::turn_histories() {
 std::uint64_t Executor::State::host_bytes(ResourceIndex index) const {
   const ResourceState& state = resources[resources[index].root];
   const Resource& resource = graph.resources[resources[index].root];
-  return state.image ? std::uint64_t{vulkan::format_info(static_cast<VkFormat>(resource.format)).texel_bytes} *
-                           resource.width * resource.height * std::max(resource.layers, 1U)
-                     : state.buffer.size();
+  return state.image ? bytes_of(all_mips(resource), resource) : state.buffer.size();
 }
 
-/// Mip 0 of an image, or a buffer, as it is at this point of the commands.
+/// An image or a buffer as it is at this point of the commands.
 void Executor::State::copy_to_host(ResourceIndex index, const vulkan::Buffer& buffer) {
   const heddle_vulkan& vk = device->table();
   const ResourceState& state = root(index);
   const Resource& resource = graph.resources[state.root];
   if (state.image) {
-    VkBufferImageCopy region{};
-    region.imageSubresource = {aspect_of(resource.format), 0, 0, std::max(resource.layers, 1U)};
-    region.imageExtent = {resource.width, resource.height, 1};
-    vk.CmdCopyImageToBuffer(commands, state.image.handle(), state.layout, buffer.handle(), 1, &region);
+    const std::vector<VkBufferImageCopy> regions = all_mips(resource);
+    vk.CmdCopyImageToBuffer(commands, state.image.handle(), state.layout, buffer.handle(),
+                            static_cast<std::uint32_t>(regions.size()), regions.data());
   } else {
     const VkBufferCopy region{0, 0, host_bytes(index)};
     vk.CmdCopyBuffer(commands, state.buffer.handle(), buffer.handle(), 1, &region);

@@ -48,6 +48,15 @@ void copy_shape(Resource& to, const Resource& from) {
   to.byte_size = from.byte_size;
 }
 
+bool is_environment(const Resource& resource) {
+  return resource.producer == kNoIndex && resource.port == "environment";
+}
+
+std::array<std::uint32_t, 2> environment_extent(const scene::Scene& scene) {
+  if (!scene.environment) return {0, 0};
+  return {scene.environment->record.width, scene.environment->record.height};
+}
+
 constexpr VkBufferUsageFlags kPortBufferUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
                                                 VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
                                                 VK_BUFFER_USAGE_TRANSFER_DST_BIT;
@@ -97,6 +106,26 @@ void Executor::State::unplan() {
   has_frame = false;
 }
 
+bool Executor::State::is_planned_for(const scene::Scene& rendered) const {
+  return rendered.features() == planned_features && environment_extent(rendered) == planned_environment;
+}
+
+void Executor::State::plan(const scene::Scene& planned_scene) {
+  planned_environment = environment_extent(planned_scene);
+  plan(planned_scene.features());
+  const auto reads_environment = [&](const Pass& pass) {
+    return !pass.is_pruned && std::ranges::any_of(pass.ports, [&](const auto& bound) {
+      return is_environment(graph.resources[bound.second]);
+    });
+  };
+  if (planned_scene.environment && std::ranges::none_of(graph.passes, reads_environment)) {
+    services.log(Severity::kWarning,
+                 fmt::format("{}: the scene has an environment, and no pass of this graph reads it; "
+                             "graph 'environment' does, with technique sky/environment_map",
+                             graph.file));
+  }
+}
+
 /// Throws with everything taken down to what the next plan may adopt.
 void Executor::State::plan(const std::vector<std::string>& features) {
   const std::vector<std::string> planned = features;  // may be planned_features
@@ -138,6 +167,11 @@ void Executor::State::plan_memory(const std::vector<std::string>& features) {
   errors.clear();
   graph = original;
   planned_features = features;
+  for (Resource& resource : graph.resources) {
+    if (!is_environment(resource)) continue;
+    resource.width = planned_environment[0];
+    resource.height = planned_environment[1];
+  }
   wanted.clear();
   wanted.push_back(graph.output);
   for (const std::string& name : kept_names) {
@@ -374,6 +408,7 @@ vulkan::BoundPort Executor::State::bound_port(const Pass& pass, const Access& ac
   const RolePort* contract = pass.role->find_port(access.port);
   bound.port = access.port;
   bound.access = access.access;
+  bound.blend = access.blend;
   bound.type = port.type;
   bound.glsl = port.glsl;
   if (contract != nullptr) bound.neutral = contract->neutral;
@@ -442,7 +477,10 @@ vulkan::RasterState Executor::State::raster_state(const Pass& pass, const Shader
     const auto found = pass.ports.find(access.port);
     if (found == pass.ports.end()) continue;
     const auto format = static_cast<VkFormat>(graph.resources[resources[found->second].root].format);
-    if (access.access == HEDDLE_ACCESS_COLOR) raster.color_formats.push_back(format);
+    if (access.access == HEDDLE_ACCESS_COLOR) {
+      raster.color_formats.push_back(format);
+      raster.blends.push_back(access.blend);
+    }
     if (access.access == HEDDLE_ACCESS_DEPTH || access.access == HEDDLE_ACCESS_DEPTH_READ) {
       raster.depth_format = format;
       raster.depth_write = access.access == HEDDLE_ACCESS_DEPTH;

@@ -9,12 +9,13 @@
 namespace heddle::graph {
 
 /// A value port's bytes on the CPU, and where shaders see them: as a uniform block, and as a storage buffer behind 16
-/// bytes of header (so that `.length()` is right for empty lists).
+/// bytes of header (so that `.length()` is right for empty lists). Those are filled when a shader first asks: what only
+/// the CPU reads never gets to the device.
 struct Value {
   std::vector<std::byte> bytes;
-  bool is_set = false;
+  std::uint64_t block_bytes = 0;  // least size of the uniform block: zeros beyond `bytes`
+  bool is_set = false, is_uniform_new = false, is_storage_new = false;
   vulkan::Buffer uniform, storage;
-  std::uint64_t uniform_range = 0, storage_range = 0;
 };
 
 /// Run-time side of a Resource. Later versions of images and buffers point to their first version by `root`.
@@ -123,6 +124,7 @@ struct Executor::State {
   Legacy legacy;
   std::vector<std::uint8_t> is_outdated;  // passes that must run in this plan's first frame; empty: none
   std::vector<std::string> planned_features;
+  std::array<std::uint32_t, 2> planned_environment{};  // width, height
   Order order;
   std::vector<MemoryNeed> needs;
   std::uint32_t memory_types = 0;  // that serve them all
@@ -174,6 +176,7 @@ struct Executor::State {
   State(HostServices& s, ResolvedGraph g) : services(s), original(std::move(g)) {}
 
   void open_device();
+  void plan(const scene::Scene& scene);
   void plan(const std::vector<std::string>& features);
   void plan_memory(const std::vector<std::string>& features);
   void find_needs();
@@ -202,6 +205,9 @@ struct Executor::State {
   [[nodiscard]] vulkan::ImageShape image_shape(const Resource& resource) const;
 
   void set_scene_values(const scene::Scene& scene);
+  void set_environment(ResourceIndex resource, const scene::Scene& scene);
+  /// What the plan depends on of a scene is as it was.
+  [[nodiscard]] bool is_planned_for(const scene::Scene& scene) const;
   void set_value(ResourceIndex resource, std::span<const std::byte> bytes);
   void turn_histories();
   void carry_over(ResourceIndex newest, ResourceIndex history);
@@ -211,6 +217,8 @@ struct Executor::State {
   heddle_frame::Mapping late_mapping(const ScheduledStage& stage, const std::string& port);
   void copy_to_host(ResourceIndex resource, const vulkan::Buffer& buffer);
   [[nodiscard]] std::uint64_t host_bytes(ResourceIndex resource) const;
+  VkDescriptorBufferInfo uniform_of(Value& value);
+  VkDescriptorBufferInfo storage_of(Value& value);
   void begin_commands();
   void submit_and_wait();
   void record_barriers(std::span<const Barrier> list);
@@ -229,6 +237,8 @@ struct Executor::State {
   void bind(const PassState& pass, const ShaderState& shader, const vulkan::Pipeline& pipeline, const void* push,
             std::uint32_t push_bytes);
   vulkan::Buffer switch_table(const Pass& caller, const std::string& role);
+  void draw_surfaces(const PassState& pass, const ShaderState& shader, const heddle_draw& drawing,
+                     const HeddleView& view);
   void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer);
   [[nodiscard]] VkExtent2D attachment_extent(const Pass& pass, const Stage& stage) const;
   std::uint32_t add_view(const HeddleView& view);
@@ -287,6 +297,10 @@ struct Executor::State {
 /// Everything before, then everything after; an image may change its layout meanwhile.
 void barrier_between_all(const heddle_vulkan& vk, VkCommandBuffer commands, const vulkan::Image& image,
                          VkImageLayout from, VkImageLayout to);
+
+/// What a copy between all of an image and tightly packed host memory takes: all layers mip by mip, the finest first.
+std::vector<VkBufferImageCopy> all_mips(const Resource& resource);
+std::uint64_t bytes_of(const std::vector<VkBufferImageCopy>& regions, const Resource& resource);
 
 /// Fills the C functions of a pass's host side.
 void fill_pass_host(PassState& pass, const heddle_vulkan& table);

@@ -111,7 +111,9 @@ std::vector<Use> own_uses(const ResolvedGraph& graph, PassIndex index, std::uint
     if (has_memory(port->type)) {
       const AccessInfo info = access_info(access.access, port->type, graph.resources[resource].format);
       const bool is_attachment = access.access == HEDDLE_ACCESS_COLOR || access.access == HEDDLE_ACCESS_DEPTH;
-      const bool reads = is_attachment ? access.load == HEDDLE_LOAD_KEEP : info.reads;
+      const bool keeps = access.load == HEDDLE_LOAD_KEEP ||
+                         (access.load == HEDDLE_LOAD_CLEAR_NEW && pass.inout_sources.count(access.port) != 0);
+      const bool reads = is_attachment ? keeps : info.reads;
       merge_use(uses, make_use(resource, access.access, reads, info.writes));
       continue;
     }

@@ -213,7 +213,7 @@ void assign_pass_key(WrittenPass& pass, std::span<const WrittenKey> path, Writte
     if (expect_depth(path, 2, label, "params.NAME = value", problems)) put(pass.params, path[1], std::move(value));
   } else if (key.name == "inputs") {
     constexpr std::string_view kExpected =
-        "\"pass.port\", \"scene.camera\", \"scene.lights\", \"scene.surfaces\" or \"none\"";
+        "\"pass.port\", \"scene.camera\", \"scene.environment\", \"scene.lights\", \"scene.surfaces\" or \"none\"";
     if (expect_depth(path, 2, label, "inputs.PORT = \"pass.port\"", problems) &&
         expect(is_string(value), label, path, value, kExpected, problems))
       put(pass.inputs, path[1], std::move(value));

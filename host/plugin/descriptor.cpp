@@ -210,6 +210,7 @@ class DescriptorReader {
       access.access = source.access;
       access.load = source.load;
       for (std::size_t i = 0; i < access.clear.size(); ++i) access.clear[i] = source.clear[i];
+      access.blend = source.blend;
       accesses.push_back(std::move(access));
     });
     return accesses;

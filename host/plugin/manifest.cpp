@@ -31,7 +31,8 @@ constexpr std::array<std::string_view, 15> kAccesses{
     "color",     "depth",          "depth_read",    "value",          "draw",
     "host_read", "host_write",     "transfer_read", "transfer_write", "sampled_compare"};
 constexpr std::array<std::string_view, 3> kLoopParts{"outside", "before", "after"};
-constexpr std::array<std::string_view, 3> kLoads{"keep", "clear", "dont_care"};
+constexpr std::array<std::string_view, 4> kLoads{"keep", "clear", "dont_care", "clear_new"};
+constexpr std::array<std::string_view, 5> kBlends{"none", "over", "add", "multiply", "tint"};
 constexpr std::array<std::string_view, 3> kShaderKinds{"compute", "fullscreen", "surfaces"};
 
 template <typename Value, std::size_t kCount>
@@ -92,7 +93,8 @@ Json accesses_to_json(const std::vector<Access>& accesses) {
     list.push_back({{"port", access.port},
                     {"access", word_to_json(access.access, kAccesses)},
                     {"load", word_to_json(access.load, kLoads)},
-                    {"clear", numbers_to_json(access.clear)}});
+                    {"clear", numbers_to_json(access.clear)},
+                    {"blend", word_to_json(access.blend, kBlends)}});
   }
   return list;
 }
@@ -287,12 +289,13 @@ Parameter read_parameter(const Node& node) {
 std::vector<Access> read_accesses(const Node& node) {
   std::vector<Access> accesses;
   for (const Node& element : node.elements()) {
-    element.only({"port", "access", "load", "clear"});
+    element.only({"port", "access", "load", "clear", "blend"});
     Access& access = accesses.emplace_back();
     element.at("port").read(access.port);
     element.at("access").read_word(access.access, kAccesses);
     element.at("load").read_word(access.load, kLoads);
     element.at("clear").read(access.clear);
+    element.at("blend").read_word(access.blend, kBlends);
   }
   return accesses;
 }

@@ -234,10 +234,18 @@ class Rules {
         continue;
       }
       bool is_known = check_choice(place, "access", access.access, HEDDLE_ACCESS_SAMPLED_COMPARE);
-      is_known = check_choice(place, "load", access.load, HEDDLE_LOAD_DONT_CARE) && is_known;
+      is_known = check_choice(place, "load", access.load, HEDDLE_LOAD_CLEAR_NEW) && is_known;
+      is_known = check_choice(place, "blend", access.blend, HEDDLE_BLEND_TINT) && is_known;
       if (!is_known) continue;
       if (!fits_port(access.access, port->type)) {
         complain(place + ": the access does not fit the port's type", fmt::format("HEDDLE_ACCESS {}", access.access));
+      }
+      const bool is_shared_output = port->direction == Direction::kInout && port->is_optional();
+      if (access.load == HEDDLE_LOAD_CLEAR_NEW && !is_shared_output) {
+        complain(place + ": HEDDLE_LOAD_CLEAR_NEW is for optional inout ports");
+      }
+      if (access.blend != HEDDLE_BLEND_NONE && access.access != HEDDLE_ACCESS_COLOR) {
+        complain(place + ": blend belongs to HEDDLE_ACCESS_COLOR");
       }
       if (is_write(access.access) && port->direction == Direction::kIn) complain(place + ": an input is written");
       if (!taken.emplace(access.port, access.access).second) complain(place + ": stands twice");
@@ -253,7 +261,13 @@ class Rules {
     const std::string what = fmt::format("stage '{}'", stage.name);
     if (!check_choice(what, "kind", static_cast<std::uint32_t>(stage.kind), HEDDLE_STAGE_CPU)) return;
     check_accesses(what, stage.accesses);
+    const auto colors = std::count_if(stage.accesses.begin(), stage.accesses.end(),
+                                      [](const Access& access) { return access.access == HEDDLE_ACCESS_COLOR; });
     for (const Access& access : stage.accesses) {
+      if (access.blend == HEDDLE_BLEND_TINT && colors > 1) {
+        complain(fmt::format("{}: HEDDLE_BLEND_TINT of '{}' beside another colour attachment", what, access.port),
+                 fmt::format("{} colour attachments", colors), "one");
+      }
       const bool is_host = is_host_access(access.access);
       const bool is_right = stage.kind == StageKind::kCpu ? is_host || access.access == HEDDLE_ACCESS_VALUE : !is_host;
       if (access.access <= HEDDLE_ACCESS_SAMPLED_COMPARE && !is_right) {

@@ -125,6 +125,7 @@ struct Access {
   std::uint32_t access = 0;  // HEDDLE_ACCESS_*
   std::uint32_t load = 0;    // HEDDLE_LOAD_*
   std::array<float, 4> clear{0, 0, 0, 0};
+  std::uint32_t blend = 0;  // HEDDLE_BLEND_*
   bool operator==(const Access&) const = default;
 };
 

@@ -42,12 +42,16 @@ void set_texture_transform(HeddleMaterial& record, std::uint32_t texture, const 
   std::copy(transform.offset.begin(), transform.offset.end(), offset);
 }
 
+bool is_blended(const HeddleMaterial& material) {
+  return material.alpha_mode == HEDDLE_ALPHA_BLEND || material.transmission > 0;
+}
+
 std::uint32_t surface_flags(const HeddleMaterial& material) {
   std::uint32_t flags = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_CASTS_SHADOW;
-  if (material.alpha_mode == HEDDLE_ALPHA_MASK) {
-    flags = HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_CASTS_SHADOW;
-  } else if (material.alpha_mode == HEDDLE_ALPHA_BLEND) {
+  if (is_blended(material)) {
     flags = HEDDLE_SURFACE_BLENDED;
+  } else if (material.alpha_mode == HEDDLE_ALPHA_MASK) {
+    flags = HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_CASTS_SHADOW;
   }
   return flags | ((material.flags & HEDDLE_MATERIAL_DOUBLE_SIDED) != 0 ? HEDDLE_SURFACE_DOUBLE_SIDED : 0U);
 }

@@ -142,7 +142,7 @@ std::vector<std::string> Scene::features() const {
     if (is_shown[i] != 0) {
       const Material& material = materials[i];
       masked |= material.record.alpha_mode == HEDDLE_ALPHA_MASK;
-      blended |= material.record.alpha_mode == HEDDLE_ALPHA_BLEND;
+      blended |= is_blended(material.record);
       emissive |= is_emissive(material);
       double_sided |= (material.record.flags & HEDDLE_MATERIAL_DOUBLE_SIDED) != 0;
       textures_used |= is_textured(material);
@@ -161,6 +161,7 @@ std::vector<std::string> Scene::features() const {
   add(emissive, "emissive");
   add(double_sided, "double_sided");
   add(textures_used, "textures");
+  add(environment.has_value(), "environment");
   return names;
 }
 

@@ -39,6 +39,8 @@ struct TextureTransform {
 TextureTransform texture_transform(const HeddleMaterial& record, std::uint32_t texture);
 void set_texture_transform(HeddleMaterial& record, std::uint32_t texture, const TextureTransform& transform);
 
+/// What is behind shows through: alpha is coverage, or light passes.
+bool is_blended(const HeddleMaterial& material);
 /// HEDDLE_SURFACE_* of what a material covers. Blended surfaces cast no shadow: a map cannot tell how much light
 /// passes.
 std::uint32_t surface_flags(const HeddleMaterial& material);
@@ -80,6 +82,11 @@ struct Camera {
   heddle_camera record{};
 };
 
+struct Environment {
+  HeddleEnvironment record{};
+  std::vector<float> texels;  // rgba
+};
+
 class Scene {
  public:
   std::vector<Texture> textures;
@@ -91,6 +98,7 @@ class Scene {
   std::uint32_t camera = HEDDLE_NONE;  // in use
   std::vector<Rig> rigs;               // of loaded files with animations
   double time = 0;                     // seconds, that the rigs are posed at
+  std::optional<Environment> environment;
 
   /// Counted up when meshes, materials, textures or the list of instances change / when instances only move. Every
   /// scene of a process starts far from all others, so caches need no other key.
@@ -122,7 +130,7 @@ class Scene {
   /// side, far enough to hold the bounding sphere of all that the animations in use do.
   [[nodiscard]] heddle_camera active_camera(std::uint32_t width, std::uint32_t height) const;
   /// Facts that techniques can ask for: "surfaces", "lights", "masked", "blended", "emissive", "double_sided",
-  /// "textures". Only what an instance shows counts.
+  /// "textures", "environment". Only what an instance shows counts.
   [[nodiscard]] std::vector<std::string> features() const;
   [[nodiscard]] std::string describe_json() const;
 

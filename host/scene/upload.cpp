@@ -33,20 +33,6 @@ bool is_mirrored(const Instance& instance) {
   return glm::determinant(glm::dmat3(instance.scene_from_object)) < 0;
 }
 
-/// Places of one mesh in the vertex and index buffers. What bends is there twice: now, and in the last frame.
-struct MeshRange {
-  std::uint32_t first_index = 0, index_count = 0;
-  std::array<std::int32_t, 2> vertex_offsets{};  // equal for what never bends
-  std::array<std::uint64_t, 2> shapes{};         // that lie there
-  std::size_t now = 0, before = 0;               // which of the two
-
-  [[nodiscard]] std::int32_t vertex_offset() const { return vertex_offsets[now]; }
-  /// What a shader adds to a vertex's index to find the same vertex in the last frame.
-  [[nodiscard]] std::uint32_t steps_to_previous() const {
-    return static_cast<std::uint32_t>(vertex_offsets[before]) - static_cast<std::uint32_t>(vertex_offsets[now]);
-  }
-};
-
 /// Fills a buffer, made anew if it does not fit exactly: sizes change only with the content.
 template <typename Element>
 void fill(vulkan::Device& device, vulkan::Buffer& buffer, const std::vector<Element>& elements,
@@ -212,9 +198,10 @@ void SceneBuffers::State::sort_draws(const Scene& scene) {
     const Key& key = keys[i];
     const bool same_state = i > 0 && keys[i - 1].state() == key.state();
     if (!same_state) {
-      groups.push_back(
-          {key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(command_list.size()), 0});
+      groups.push_back({key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(command_list.size()), 0,
+                        static_cast<std::uint32_t>(i), 0});
     }
+    ++groups.back().instance_count;
     if (same_state && keys[i - 1].mesh == key.mesh) {
       ++command_list.back().instanceCount;
     } else {
@@ -298,6 +285,12 @@ const vulkan::Buffer& SceneBuffers::commands() const {
 }
 std::span<const DrawGroup> SceneBuffers::groups() const {
   return state_->groups;
+}
+std::span<const std::uint32_t> SceneBuffers::order() const {
+  return state_->order;
+}
+const MeshRange& SceneBuffers::mesh(std::uint32_t index) const {
+  return state_->meshes.at(index);
 }
 VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
   return state_->textures.set(texture_group);

@@ -12,10 +12,25 @@ namespace heddle::scene {
 
 /// Draws that share pipeline state and textures: one vkCmdDrawIndexedIndirect.
 struct DrawGroup {
-  std::uint32_t flags = 0;                             // HEDDLE_SURFACE_* of all its batches
-  std::uint32_t texture_group = 0;                     // set 2
-  bool is_flipped = false;                             // front faces are clockwise
-  std::uint32_t first_command = 0, command_count = 0;  // in the indirect buffer (VkDrawIndexedIndirectCommand)
+  std::uint32_t flags = 0;                               // HEDDLE_SURFACE_* of all its batches
+  std::uint32_t texture_group = 0;                       // set 2
+  bool is_flipped = false;                               // front faces are clockwise
+  std::uint32_t first_command = 0, command_count = 0;    // in the indirect buffer (VkDrawIndexedIndirectCommand)
+  std::uint32_t first_instance = 0, instance_count = 0;  // in instances()
+};
+
+/// Places of one mesh in the vertex and index buffers. What bends is there twice: now, and in the last frame.
+struct MeshRange {
+  std::uint32_t first_index = 0, index_count = 0;
+  std::array<std::int32_t, 2> vertex_offsets{};  // equal for what never bends
+  std::array<std::uint64_t, 2> shapes{};         // that lie there
+  std::size_t now = 0, before = 0;               // which of the two
+
+  [[nodiscard]] std::int32_t vertex_offset() const { return vertex_offsets[now]; }
+  /// What a shader adds to a vertex's index to find the same vertex in the last frame.
+  [[nodiscard]] std::uint32_t steps_to_previous() const {
+    return static_cast<std::uint32_t>(vertex_offsets[before]) - static_cast<std::uint32_t>(vertex_offsets[now]);
+  }
 };
 
 /// Buffers and textures of one scene on one device. update() before each frame.
@@ -37,6 +52,10 @@ class SceneBuffers {
   [[nodiscard]] const vulkan::Buffer& commands()
       const;  // VkDrawIndexedIndirectCommand; firstInstance = first in instances()
   [[nodiscard]] std::span<const DrawGroup> groups() const;
+  /// The scene's instances in draw order: which one each of instances() is.
+  [[nodiscard]] std::span<const std::uint32_t> order() const;
+  /// Of the scene's mesh of that number.
+  [[nodiscard]] const MeshRange& mesh(std::uint32_t index) const;
   /// Descriptor set 2 of a texture group: bindings 0..4 = sampler2DArray of base colour, metallic-roughness, normal,
   /// occlusion, emissive.
   [[nodiscard]] VkDescriptorSet material_set(std::uint32_t texture_group) const;

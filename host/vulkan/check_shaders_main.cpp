@@ -36,6 +36,7 @@ std::vector<vulkan::BoundPort> bound_ports(const Technique& technique, const Rol
     vulkan::BoundPort bound;
     bound.port = port.name;
     bound.access = access.access;
+    bound.blend = access.blend;
     bound.type = port.type;
     bound.is_bound = is_optional_bound || !port.is_optional();
     bound.format = port.format != 0 ? static_cast<VkFormat>(port.format) : VK_FORMAT_R32G32B32A32_SFLOAT;

@@ -122,6 +122,33 @@ VkPipelineShaderStageCreateInfo stage_info(VkShaderStageFlagBits stage, const Mo
 
 }  // namespace
 
+namespace {
+
+VkPipelineColorBlendAttachmentState blend_state(std::uint32_t blend) {
+  // New and old colour are weighed and added; alpha is treated as a fourth colour.
+  constexpr std::array<std::array<VkBlendFactor, 2>, 5> kFactors{{
+      // In the order of HEDDLE_BLEND_*.
+      {VK_BLEND_FACTOR_ONE, VK_BLEND_FACTOR_ZERO},
+      {VK_BLEND_FACTOR_ONE, VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA},
+      {VK_BLEND_FACTOR_ONE, VK_BLEND_FACTOR_ONE},
+      {VK_BLEND_FACTOR_ZERO, VK_BLEND_FACTOR_SRC_COLOR},
+      {VK_BLEND_FACTOR_ONE, VK_BLEND_FACTOR_SRC1_COLOR},
+  }};
+  VkPipelineColorBlendAttachmentState state{};
+  state.blendEnable = blend != HEDDLE_BLEND_NONE ? VK_TRUE : VK_FALSE;
+  state.srcColorBlendFactor = kFactors.at(blend)[0];
+  state.dstColorBlendFactor = kFactors.at(blend)[1];
+  state.srcAlphaBlendFactor = blend == HEDDLE_BLEND_MULTIPLY ? VK_BLEND_FACTOR_ZERO : VK_BLEND_FACTOR_ONE;
+  state.dstAlphaBlendFactor = blend == HEDDLE_BLEND_MULTIPLY ? VK_BLEND_FACTOR_SRC_ALPHA
+                              : blend == HEDDLE_BLEND_TINT   ? VK_BLEND_FACTOR_SRC1_ALPHA
+                                                             : state.dstColorBlendFactor;
+  state.colorWriteMask =
+      VK_COLOR_COMPONENT_R_BIT | VK_COLOR_COMPONENT_G_BIT | VK_COLOR_COMPONENT_B_BIT | VK_COLOR_COMPONENT_A_BIT;
+  return state;
+}
+
+}  // namespace
+
 Pipeline::Pipeline(Pipeline&& other) noexcept {
   *this = std::move(other);
 }
@@ -239,10 +266,17 @@ Pipeline PipelineMaker::graphics(std::span<const std::uint32_t> vertex, std::spa
   // A descriptor's 0, VK_COMPARE_OP_NEVER by number, means the default.
   depth.depthCompareOp =
       state.depth_compare == VK_COMPARE_OP_NEVER ? VK_COMPARE_OP_GREATER_OR_EQUAL : state.depth_compare;
-  VkPipelineColorBlendAttachmentState opaque{};
-  opaque.colorWriteMask =
-      VK_COLOR_COMPONENT_R_BIT | VK_COLOR_COMPONENT_G_BIT | VK_COLOR_COMPONENT_B_BIT | VK_COLOR_COMPONENT_A_BIT;
-  const std::vector<VkPipelineColorBlendAttachmentState> attachments(state.color_formats.size(), opaque);
+  std::vector<VkPipelineColorBlendAttachmentState> attachments;
+  for (std::size_t i = 0; i < state.color_formats.size(); ++i) {
+    const std::uint32_t mode = i < state.blends.size() ? state.blends[i] : HEDDLE_BLEND_NONE;
+    if (mode == HEDDLE_BLEND_TINT && device_->features().dualSrcBlend == VK_FALSE) {
+      throw Error(HEDDLE_UNSUPPORTED,
+                  "a stage blends with HEDDLE_BLEND_TINT, and this device has no blending with two colours "
+                  "(dualSrcBlend)",
+                  "choose another technique for the pass, or another device");
+    }
+    attachments.push_back(blend_state(mode));
+  }
   VkPipelineColorBlendStateCreateInfo blend{VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO};
   blend.attachmentCount = static_cast<std::uint32_t>(attachments.size());
   blend.pAttachments = attachments.data();

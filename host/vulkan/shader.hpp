@@ -21,7 +21,8 @@ struct BoundPort {
   std::uint32_t layers = 1;
   bool is_cube = false;
   std::array<double, 4> neutral{0, 0, 0, 0};
-  std::string glsl;  // members of a buffer's or value's block
+  std::string glsl;         // members of a buffer's or value's block
+  std::uint32_t blend = 0;  // HEDDLE_BLEND_*
 };
 
 /// One provider of a role's functions for one caller.
@@ -159,6 +160,7 @@ class Pipeline {
 
 struct RasterState {
   std::vector<VkFormat> color_formats;
+  std::vector<std::uint32_t> blends;  // HEDDLE_BLEND_* of each; shorter: NONE
   VkFormat depth_format = VK_FORMAT_UNDEFINED;
   bool depth_write = true;
   VkCompareOp depth_compare = VK_COMPARE_OP_GREATER_OR_EQUAL;

@@ -82,7 +82,12 @@ class Declarer {
     for (const BoundPort& port : merged_ports()) {
       if (port.access == HEDDLE_ACCESS_COLOR) {
         const std::string name = declared(port.port);
-        line("layout(location = {}) out {}vec4 {};", next_location++, prefix_of(port.format), name);
+        if (port.blend == HEDDLE_BLEND_TINT) {
+          line("layout(location = {0}, index = 0) out vec4 {1};", next_location, name);
+          line("layout(location = {0}, index = 1) out vec4 {1};", next_location++, declared(port.port + "_tint"));
+        } else {
+          line("layout(location = {}) out {}vec4 {};", next_location++, prefix_of(port.format), name);
+        }
       } else if (port.access == HEDDLE_ACCESS_VALUE || (port.type != PortType::kImage && is_storage(port.access))) {
         block(port);
       } else if (is_sampled(port.access)) {

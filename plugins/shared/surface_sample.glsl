@@ -5,6 +5,7 @@
 //         "Simulation of Wrinkled Surfaces Revisited" (tangent frames: neither vector is normalized before the sum)
 #ifndef HEDDLE_SHARED_SURFACE_SAMPLE_GLSL
 #define HEDDLE_SHARED_SURFACE_SAMPLE_GLSL
+#include "surface_point.glsl"
 
 struct SurfaceSample {
   vec3 base_color;        // linear Rec.709, vertex colour in it
@@ -106,6 +107,12 @@ SurfaceSample sample_surface(HeddleMaterial material) {
   s.ior = material.ior;
   s.is_unlit = (material.flags & HEDDLE_MATERIAL_UNLIT) != 0u;
   return s;
+}
+
+// What surface_material shades, in its ranges: textures times factors and vertex colours may leave them.
+SurfacePoint surface_point(SurfaceSample s) {
+  return SurfacePoint(clamp(s.base_color, 0.0, 1.0), clamp(s.metalness, 0.0, 1.0), clamp(s.roughness, 0.0, 1.0),
+                      max(s.ior, 1.0));
 }
 
 #endif

@@ -104,14 +104,18 @@ def frame_file(file: str, frame: int) -> str:
     return re.sub(r"%(\d{0,2})d", lambda match: f"{frame:0{int(match.group(1) or 0)}d}", file, count=1)
 
 
-def load_all(scene: Scene, file: str | None, arguments: argparse.Namespace) -> Callable[[Scene, float], None]:
+def load_all(host: Host, scene: Scene, file: str | None,
+             arguments: argparse.Namespace) -> Callable[[Scene, float], None]:
     update = stays if file is None else load_scene(scene, file, arguments.trust_files)
     for overlay in arguments.overlay:
         scene.load(overlay, arguments.trust_files)
+    if arguments.environment is not None:
+        scene.set_environment(host.read_image(arguments.environment), arguments.environment_scale,
+                              arguments.environment_rotation)
     return update
 
 
-def sort_files(files: list[str], scene: str | None) -> tuple[str, str | None]:
+def sort_files(files: list[str], scene: str | None) -> tuple[str | None, str | None]:
     graph = None
     for file in files:
         if file.endswith((".py", ".glb", ".gltf", ".scene.toml")):
@@ -122,7 +126,11 @@ def sort_files(files: list[str], scene: str | None) -> tuple[str, str | None]:
             raise Error(2, f"error: two graphs were given: '{graph}' and '{file}'")
         else:
             graph = file
-    return graph or "deferred", scene
+    return graph, scene
+
+
+def default_graph(arguments: argparse.Namespace) -> str:
+    return "deferred" if arguments.environment is None else "environment"
 
 
 def use_camera(scene: Scene, wanted: str | None) -> None:
@@ -154,6 +162,7 @@ def times_of(frame_ms: list[float]) -> dict:
 
 def run(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    graph_file = graph_file or default_graph(arguments)
     if arguments.check:  # what a frame leaves to the next one comes round in the third
         arguments.frames = max(arguments.frames, 3)
     with open_host(arguments, arguments.check) as host:
@@ -162,7 +171,7 @@ def run(arguments: argparse.Namespace) -> int:
             for port, _ in outputs:
                 if port is not None:
                     graph.keep(port)
-            update = load_all(scene, scene_file, arguments)
+            update = load_all(host, scene, scene_file, arguments)
             use_camera(scene, arguments.camera)
             use_animation(scene, arguments)
             frame_ms = []
@@ -207,11 +216,12 @@ def run(arguments: argparse.Namespace) -> int:
 
 def check(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    graph_file = graph_file or default_graph(arguments)
     with open_host(arguments, True) as host:
         with host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
             for port in arguments.port:
                 graph.keep(port)
-            load_all(scene, scene_file, arguments)(scene, arguments.time)
+            load_all(host, scene, scene_file, arguments)(scene, arguments.time)
             use_camera(scene, arguments.camera)
             report = graph.check(scene, max(arguments.frames, 3), arguments.time, 0.0, arguments.seed)
             print(json.dumps(report, indent=2))
@@ -220,8 +230,9 @@ def check(arguments: argparse.Namespace) -> int:
 
 def explain(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    graph_file = graph_file or default_graph(arguments)
     with open_host(arguments) as host, host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
-        load_all(scene, scene_file, arguments)(scene, arguments.time)
+        load_all(host, scene, scene_file, arguments)(scene, arguments.time)
         use_camera(scene, arguments.camera)
         use_animation(scene, arguments)
         graph.render(scene, time=arguments.time, seed=arguments.seed)
@@ -236,10 +247,11 @@ def inspect(arguments: argparse.Namespace) -> int:
                        "320,180")
     files = [word for word in arguments.files if not re.fullmatch(r"\d+,\d+", word)]
     graph_file, scene_file = sort_files(files, arguments.scene)
+    graph_file = graph_file or default_graph(arguments)
     with open_host(arguments) as host, host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
         for port in arguments.port:
             graph.keep(port)
-        update = load_all(scene, scene_file, arguments)
+        update = load_all(host, scene, scene_file, arguments)
         use_camera(scene, arguments.camera)
         use_animation(scene, arguments)
         for frame in range(arguments.frames):
@@ -256,6 +268,7 @@ def inspect(arguments: argparse.Namespace) -> int:
 
 def compare(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    graph_file = graph_file or default_graph(arguments)
     pass_name, techniques = (arguments.swap.split("=", 1) + [""])[:2]
     names = techniques.split(",")
     if len(names) != 2:
@@ -263,7 +276,7 @@ def compare(arguments: argparse.Namespace) -> int:
     folder = pathlib.Path(arguments.folder)
     folder.mkdir(parents=True, exist_ok=True)
     with open_host(arguments) as host, host.scene() as scene:
-        load_all(scene, scene_file, arguments)(scene, arguments.time)
+        load_all(host, scene, scene_file, arguments)(scene, arguments.time)
         use_camera(scene, arguments.camera)
         use_animation(scene, arguments)
         graphs = [host.graph(graph_file, [*arguments.set, f"{pass_name}.technique={name}"]) for name in names]
@@ -330,6 +343,10 @@ def main() -> int:
         command.add_argument("--overlay", action="append", default=[], help="a .scene.toml with changes to the scene")
         command.add_argument("--trust-files", action="store_true", help="load files without limits")
         command.add_argument("--camera", help="name or number of a camera")
+        command.add_argument("--environment", help="equirectangular image that lights the scene; without a graph: the "
+                                                   "graph 'environment'")
+        command.add_argument("--environment-scale", type=float, default=1.0, help="cd/m^2 of the image's 1")
+        command.add_argument("--environment-rotation", type=float, default=0.0, help="radians about the vertical axis")
         command.add_argument("--set", action="append", default=[], help="change the graph: ao.technique=gtao")
         command.add_argument("--device", help="part of a device's name, or its index")
         command.add_argument("--plugins", help="folders with plugins, separated by ':'")

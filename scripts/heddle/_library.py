@@ -104,6 +104,13 @@ class Triangles(Structure):
     ]
 
 
+class Environment(Structure):
+    _fields_ = [
+        ("struct_size", c_uint32), ("width", c_uint32), ("height", c_uint32), ("channels", c_uint32),
+        ("pixels", POINTER(c_float)), ("scale", c_double), ("rotation", c_double * 4),
+    ]
+
+
 class RenderOptions(Structure):
     _fields_ = [
         ("struct_size", c_uint32), ("flags", c_uint32), ("time", c_double), ("time_step", c_double), ("seed", c_uint64),
@@ -139,6 +146,7 @@ PROTOTYPES = {
     "heddle_scene_set_instance": (c_int32, [c_void_p, c_uint32, _MATRIX]),
     "heddle_scene_set_light": (c_int32, [c_void_p, c_uint32, POINTER(SceneLight)]),
     "heddle_scene_set_camera": (c_int32, [c_void_p, c_uint32, POINTER(Camera)]),
+    "heddle_scene_set_environment": (c_int32, [c_void_p, POINTER(Environment)]),
     "heddle_scene_use_camera": (c_int32, [c_void_p, c_uint32]),
     "heddle_scene_get_camera": (c_int32, [c_void_p, c_uint32, c_uint32, POINTER(Camera)]),
     "heddle_scene_describe": (c_int32, [c_void_p, _TEXT]),

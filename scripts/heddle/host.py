@@ -237,8 +237,9 @@ class Scene(_Object):
                  ior: float = 1.5, normal_scale: float = 1.0, occlusion_strength: float = 1.0,
                  base_color_texture: int | None = None, metallic_roughness_texture: int | None = None,
                  normal_texture: int | None = None, occlusion_texture: int | None = None,
-                 emissive_texture: int | None = None) -> int:
-        """glTF's metallic-roughness model. Colours linear Rec.709, emissive in cd/m^2. Returns the id."""
+                 emissive_texture: int | None = None, transmission: float = 0.0) -> int:
+        """glTF's metallic-roughness model. Colours linear Rec.709, emissive in cd/m^2; transmission: share of light, 0 to
+        1, that passes what the surface reflects at once. Returns the id."""
         record = c.Material()
         color = tuple(base_color) + (1.0,) * (4 - len(base_color))
         record.base_color[:] = color
@@ -251,6 +252,7 @@ class Scene(_Object):
         record.alpha_mode = _choice(alpha_mode, ALPHA_MODES, "alpha_mode")
         record.flags = (1 if double_sided else 0) | (2 if unlit else 0)
         record.ior = ior
+        record.transmission = transmission
         record.uv_rotation_scale[:] = (1, 0, 0, 1)
         textures = (base_color_texture, metallic_roughness_texture, normal_texture, occlusion_texture, emissive_texture)
         ids = (ctypes.c_uint32 * c.TEXTURE_COUNT)(*[c.NONE if t is None else t for t in textures])
@@ -314,6 +316,29 @@ class Scene(_Object):
         if use:
             self.use_camera(index)
         return index
+
+    def set_environment(self, pixels: ArrayLike | None, scale: float = 1.0, angle: float = 0.0,
+                        rotation: Sequence[float] | None = None) -> None:
+        """Light from infinitely far away; None: none. Seen by graphs with sky/environment_map, as `environment` is.
+
+        pixels:   float32 (height, width) or (height, width, 1, 3 or 4), equirectangular: -Z in the middle, +X to the
+                  right of it, +Y on top; linear Rec.709, finite, 0 or above; copied
+        scale:    cd/m^2 of 1
+        angle:    radians that it is turned about +Y; or
+        rotation: quaternion x y z w, scene from image
+        """
+        if pixels is None:
+            self._check(_heddle.heddle_scene_set_environment(self._handle, None))
+            return
+        array = np.ascontiguousarray(pixels, dtype=np.float32)
+        if array.ndim == 2:
+            array = array[:, :, None]
+        if array.ndim != 3:
+            raise Error(2, f"error: the environment has shape {array.shape}: expected (height, width, 1, 3 or 4)")
+        quaternion = (0.0, np.sin(angle / 2), 0.0, np.cos(angle / 2)) if rotation is None else tuple(rotation)
+        record = c.Environment(ctypes.sizeof(c.Environment), array.shape[1], array.shape[0], array.shape[2],
+                               _pointer(array, ctypes.c_float), scale, (ctypes.c_double * 4)(*quaternion))
+        self._check(_heddle.heddle_scene_set_environment(self._handle, ctypes.byref(record)))
 
     def use_camera(self, index: int | None) -> None:
         """Which camera renders; None: one made to see the whole scene."""

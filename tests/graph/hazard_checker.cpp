@@ -169,7 +169,8 @@ class Player {
       touch.layouts.insert(layout);
       touch.needs_contents = touch.needs_contents || needs_contents;
     };
-    const bool keeps = access.load == HEDDLE_LOAD_KEEP;
+    const bool keeps = access.load == HEDDLE_LOAD_KEEP ||
+                       (access.load == HEDDLE_LOAD_CLEAR_NEW && pass.inout_sources.count(access.port) != 0);
     switch (access.access) {
       case HEDDLE_ACCESS_SAMPLED:
       case HEDDLE_ACCESS_SAMPLED_LINEAR:

@@ -128,11 +128,11 @@ Technique gbuffer_raster() {
              image_out("material", VK_FORMAT_R8G8B8A8_UNORM),
              image_out("emissive", VK_FORMAT_R16G16B16A16_SFLOAT),
              image_out("motion", VK_FORMAT_R16G16_SFLOAT),
-             image_out("hardware_depth", VK_FORMAT_D32_SFLOAT)};
+             image_out("depth_buffer", VK_FORMAT_D32_SFLOAT)};
   std::vector<Access> accesses{touch("surfaces", HEDDLE_ACCESS_DRAW), value("camera")};
   for (const char* name : {"depth", "normal", "normal_geometric", "base_color", "material", "emissive", "motion"})
     accesses.push_back(touch(name, HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_CLEAR));
-  accesses.push_back(touch("hardware_depth", HEDDLE_ACCESS_DEPTH, HEDDLE_LOAD_CLEAR));
+  accesses.push_back(touch("depth_buffer", HEDDLE_ACCESS_DEPTH, HEDDLE_LOAD_CLEAR));
   t.stages = {{"draw", StageKind::kGpu, accesses}};
   t.shaders = {shader("surface", ShaderKind::kSurfaces, "draw")};
   t.parameters = {choice("precision", {"packed", "float32"})};
@@ -254,6 +254,21 @@ Technique supersampled() {
   return t;
 }
 
+Technique sorted() {
+  Technique t = technique("transparency/sorted");
+  t.ports = {surfaces_in("surfaces"), value_in("camera"), value_in("lights"), image_in("depth_buffer"),
+             port("radiance", PortType::kImage, Direction::kInout)};
+  Access blended = touch("radiance", HEDDLE_ACCESS_COLOR);
+  blended.blend = HEDDLE_BLEND_TINT;
+  t.stages = {{"draw",
+               StageKind::kGpu,
+               {touch("surfaces", HEDDLE_ACCESS_DRAW), value("camera"), value("lights"), blended,
+                touch("depth_buffer", HEDDLE_ACCESS_DEPTH_READ)}}};
+  t.shaders = {shader("blend", ShaderKind::kSurfaces, "draw", {"shadow", "surface_material", "sky"})};
+  t.features = {"blended"};
+  return t;
+}
+
 Technique display() {
   Technique t = technique("display/linear");
   t.ports = {image_in("radiance"), image_out("color", VK_FORMAT_R8G8B8A8_UNORM)};
@@ -300,7 +315,7 @@ PluginFolder::PluginFolder() {
   if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
   folder_ = pattern;
   for (const Technique& t : {sky_procedural(), sky_uniform(), gbuffer_raster(), gtao(), ray_traced(), shadow_map(),
-                             ray_marched_screen(), ggx(), deferred(), supersampled(), display(), paint_dots()}) {
+                             ray_marched_screen(), ggx(), deferred(), supersampled(), sorted(), display(), paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());

@@ -36,13 +36,13 @@ std::string sequence_of(const ResolvedGraph& graph, const Order& sequence) {
 }
 
 /// Compiles a graph as a frame would, with two more ports asked for, and proves its barriers.
-void prove(const std::string& file, const Registry& registry) {
+void prove(const std::string& file, const Registry& registry, std::span<const std::string> features) {
   ResolvedGraph graph = resolve(read_graph(graphs() / (file + ".toml")), registry);
   std::vector<ResourceIndex> wanted{graph.output};
   for (const char* name : {"ao.visibility", "shadow.atlas"})
     if (std::ranges::any_of(graph.resources, [&](const Resource& r) { return r.name == name; }))
       wanted.push_back(find_resource(graph, name));
-  prune(graph, wanted, {});
+  prune(graph, wanted, features);
   weave_loops(graph);
   const Order sequence = order(graph);
   std::vector<MemoryNeed> needs;
@@ -61,7 +61,9 @@ void prove(const std::string& file, const Registry& registry) {
 class ShippedGraphs : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedGraphs, ResolveWithEveryBarrierProven) {
-  prove(GetParam(), testing::shared_registry());
+  const std::vector<std::string> blended{"blended"};
+  prove(GetParam(), testing::shared_registry(), {});
+  prove(GetParam(), testing::shared_registry(), blended);
 }
 
 TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
@@ -70,9 +72,11 @@ TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
   const Registry registry({plugins});
   for (const char* id : {"sky/procedural", "sky/uniform", "gbuffer/raster", "ambient_occlusion/gtao",
                          "ambient_occlusion/ray_traced", "shadow/shadow_map", "shadow/ray_marched_screen",
-                         "surface_material/ggx", "lighting/deferred", "display/linear"})
+                         "surface_material/ggx", "lighting/deferred", "transparency/sorted", "display/linear"})
     if (registry.find(id).technique == nullptr) GTEST_SKIP() << id << " is not built";
-  prove(GetParam(), registry);
+  const std::vector<std::string> blended{"blended"};
+  prove(GetParam(), registry, {});
+  prove(GetParam(), registry, blended);
 }
 
 INSTANTIATE_TEST_SUITE_P(Files, ShippedGraphs, ::testing::ValuesIn(files()),

@@ -15,7 +15,7 @@ STRUCTURES = {
     "heddle_mesh": _library.Mesh, "heddle_material": _library.SceneMaterial, "heddle_light": _library.SceneLight,
     "heddle_camera": _library.Camera, "heddle_render_options": _library.RenderOptions, "HeddleLight": _library.Light,
     "HeddleMaterial": _library.Material, "heddle_triangles": _library.Triangles,
-    "heddle_load_options": _library.LoadOptions,
+    "heddle_load_options": _library.LoadOptions, "heddle_environment": _library.Environment,
 }
 
 

@@ -6,7 +6,7 @@ namespace {
 using namespace heddle::pass;
 
 constexpr heddle_port kPorts[] = {
-    surfaces_in("surfaces", "what to draw; blended batches are left out"),
+    surfaces_in("surfaces", "what to draw; blended batches are left out: role transparency draws them"),
     value_in("camera", "where from"),
     image_out("depth", VK_FORMAT_R32_SFLOAT, "distance along the view axis [m]; +inf where there is no surface"),
     image_out("normal", VK_FORMAT_R16G16_SNORM, "shading normal, octahedral, world axes"),

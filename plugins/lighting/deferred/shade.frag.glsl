@@ -1,54 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gbuffer at a pixel, every light, the environment -> radiance towards the camera. README equations (1) to (5).
+// The gbuffer at a pixel, every light, the environment -> radiance towards the camera. README equations (1) to (6).
 // in      depth, normal, normal_geometric, base_color, material, emissive, visibility   gbuffer and occlusion, nearest
 //         camera, lights
 // out     radiance  rgb cd/m^2, a 1 where there is a surface
 // params  precision  0 float16, 1 float32
-// One iteration a light. A driver that ends loops after 65,535 iterations (lavapipe) allows 65,535 lights less what the
-// shadow techniques loop: with 32 taps a light, 1985 lights.
 #include "pass.glsl"
-#include "role/surface_material.glsl"
-#include "role/shadow.glsl"
-#include "role/sky.glsl"
-#include "area.glsl"
-#include "light.glsl"
 #include "octahedral.glsl"
+#include "shade_surface.glsl"
 #include "view.glsl"
-
-// The narrowest lobe that area lights widen: surface_material clamps alpha there as well.
-const float kMinimumAlpha = 1e-3;
-
-// (1) A light without size, or with one that only widens the lobe (the sun's disc).
-vec3 shade_point_light(HeddleLight light, LightArrival arrival, SurfacePoint point, vec3 N, vec3 V) {
-  if (light.type == HEDDLE_LIGHT_DIRECTIONAL && light.radius > 0.0) {
-    float sine = sin(min(light.radius, kHalfPi));
-    float alpha = max(point.roughness * point.roughness, kMinimumAlpha);
-    float VoH = sqrt(max(0.5 + 0.5 * dot(V, arrival.direction), 0.0));
-    point.roughness = min(sqrt(alpha * inversesqrt(widening(alpha, sine * sine, VoH))), 1.0);
-  }
-  return surface_material(point, N, V, arrival.direction) * arrival.irradiance *
-         max(dot(N, arrival.direction), 0.0);
-}
-
-// (2) to (5) A sphere or rectangle: its exact irradiance on the diffuse lobe, a representative point on the specular.
-vec3 shade_area_light(HeddleLight light, LightArrival arrival, vec3 position_rel, SurfacePoint point, vec3 N, vec3 V) {
-  vec3 irradiance = light_irradiance(light, arrival, position_rel, N);
-  float NoC = dot(N, arrival.direction);
-  // Diffuse light comes from the part above the horizon: its middle is never below.
-  vec3 L_diffuse = NoC > 0.01 ? arrival.direction : normalize(arrival.direction + N * (0.01 - NoC));
-  vec3 sum = surface_material_lobe(point, N, V, L_diffuse, 1u) * irradiance;
-
-  vec3 center = light.position_rel - position_rel;
-  vec3 R = reflect(-V, N);
-  vec3 L = light.type == HEDDLE_LIGHT_SPHERE
-               ? nearest_on_sphere(center, light.radius, R)
-               : nearest_on_rectangle(center, light.tangent, light_bitangent(light), light.half_extent.xy, R);
-  float facing = luminance(arrival.irradiance) / max(luminance(light.intensity), 1e-20);
-  float VoH = sqrt(max(0.5 + 0.5 * dot(V, L), 0.0));
-  float alpha = max(point.roughness * point.roughness, kMinimumAlpha);
-  float scale = widening(alpha, sin_squared_of_form_factor(facing), VoH);
-  return sum + surface_material_lobe(point, N, V, L, 2u) * arrival.irradiance * (scale * max(dot(N, L), 0.0));
-}
 
 void main() {
   ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -60,12 +19,8 @@ void main() {
   }
   vec3 position_rel = position_rel_from_depth(camera, gl_FragCoord.xy, depth_here);
   vec3 V = direction_to_view(camera, position_rel);
-  vec3 N = decode_octahedral(fetch_normal(pixel).xy);
+  vec3 N = normal_towards_viewer(decode_octahedral(fetch_normal(pixel).xy), V);
   vec3 normal = decode_octahedral(fetch_normal_geometric(pixel).xy);
-  // Interpolated and mapped normals may turn away from the viewer, a surface that is seen does not: the nearest that
-  // does not, either.
-  float NoV = dot(N, V);
-  if (NoV < 0.0) N = normalize(N - V * NoV);
 
   vec4 base = fetch_base_color(pixel);
   vec4 stored = fetch_material(pixel);
@@ -74,19 +29,8 @@ void main() {
     sum += base.rgb;
   } else {
     SurfacePoint point = SurfacePoint(base.rgb, stored.r, stored.g, 1.0 + 2.0 * stored.a);
-    for (uint i = 0u; i < uint(lights.length()); ++i) {
-      HeddleLight light = lights[i];
-      LightArrival arrival = light_arrival(light, position_rel);
-      if (all(equal(arrival.irradiance, vec3(0.0)))) continue;
-      bool has_area = light.type == HEDDLE_LIGHT_SPHERE || light.type == HEDDLE_LIGHT_RECTANGLE;
-      if (!has_area && dot(N, arrival.direction) <= 0.0) continue;
-      float lit = (light.flags & HEDDLE_LIGHT_CASTS_SHADOW) != 0u ? shadow(i, position_rel, normal) : 1.0;
-      sum += lit * (has_area ? shade_area_light(light, arrival, position_rel, point, N, V)
-                             : shade_point_light(light, arrival, point, N, V));
-    }
     float open = clamp(fetch_visibility(pixel).r, 0.0, 1.0) * stored.b;
-    float alpha = max(point.roughness * point.roughness, kMinimumAlpha);
-    sum += open * surface_material_environment(point, N, V, sky_irradiance(N), sky_specular(reflect(-V, N), alpha));
+    sum += shade_surface(point, position_rel, N, normal, V, open);
   }
   radiance = vec4(clamp(sum, 0.0, params.precision_ == 0u ? kMaxHalf : kMaxFloat), 1.0);
 }

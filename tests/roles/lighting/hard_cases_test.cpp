@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hard cases of role lighting for lighting/deferred over gbuffer/raster and surface_material/ggx, and closed forms
-// of what it adds up: one light on one surface, mirror images of area lights, emission, unlit surfaces.
+// The hard cases of role lighting for lighting/deferred and lighting/forward over gbuffer/raster and
+// surface_material/ggx, and closed forms of what they add up: one light on one surface, mirror images of area lights,
+// emission, unlit surfaces.
 #include "roles/rendering.hpp"
 
 #include <dlfcn.h>
@@ -13,14 +14,22 @@ namespace {
 
 using namespace rendering;
 
-std::string graph_text(std::uint32_t width, std::uint32_t height, bool has_sky) {
+/// All tests run for every technique of the role.
+class Lighting : public ::testing::TestWithParam<const char*> {
+ protected:
+  static std::string graph_text(std::uint32_t width, std::uint32_t height, bool has_sky);
+};
+INSTANTIATE_TEST_SUITE_P(Techniques, Lighting, ::testing::Values("deferred", "forward"),
+                         [](const auto& test) { return std::string(test.param); });
+
+std::string Lighting::graph_text(std::uint32_t width, std::uint32_t height, bool has_sky) {
   return "extent = [" + std::to_string(width) + ", " + std::to_string(height) +
          "]\noutput = \"lighting.radiance\"\n"
          "[[pass]]\nname = \"material\"\nrole = \"surface_material\"\ntechnique = \"ggx\"\n" +
          std::string(has_sky ? "[[pass]]\nname = \"sky\"\nrole = \"sky\"\ntechnique = \"uniform\"\n" : "") +
          "[[pass]]\nname = \"gbuffer\"\nrole = \"gbuffer\"\ntechnique = \"raster\"\nparams.precision = \"float32\"\n"
-         "[[pass]]\nname = \"lighting\"\nrole = \"lighting\"\ntechnique = \"deferred\"\nparams.precision = "
-         "\"float32\"\n";
+         "[[pass]]\nname = \"lighting\"\nrole = \"lighting\"\ntechnique = \"" +
+         GetParam() + "\"\nparams.precision = \"float32\"\n";
 }
 
 HeddleMaterial white(double roughness, double metalness) {
@@ -46,7 +55,7 @@ dvec3 view_ray(const Image& image, std::uint32_t x, std::uint32_t y, double vert
                               (1.0 - 2.0 * (y + 0.5) / image.height) * half, -1.0));
 }
 
-TEST(Lighting, H1WhiteFurnaceShowsOneWithinOnePercent) {
+TEST_P(Lighting, H1WhiteFurnaceShowsOneWithinOnePercent) {
   Scene scene;
   const double roughness[] = {0.0, 0.1, 0.3, 0.6, 1.0}, metalness[] = {0.0, 0.5, 1.0};
   for (int i = 0; i < 5; ++i)
@@ -78,7 +87,7 @@ TEST(Lighting, H1WhiteFurnaceShowsOneWithinOnePercent) {
   RecordProperty("worst", std::to_string(worst * 1e6) + "e-6");
 }
 
-TEST(Lighting, H1LightFromEverywhereAddsUpToOneLampByLamp) {
+TEST_P(Lighting, H1LightFromEverywhereAddsUpToOneLampByLamp) {
   // The same furnace without the environment: directional lights on a Fibonacci sphere, 4 pi / n lux each.
   constexpr int kLights = 1500;
   Graph graph(graph_text(32, 32, false));
@@ -113,7 +122,7 @@ TEST(Lighting, H1LightFromEverywhereAddsUpToOneLampByLamp) {
     }
 }
 
-TEST(Lighting, H2LightIsExactlyZeroBeyondTheRangeAndOutsideTheCone) {
+TEST_P(Lighting, H2LightIsExactlyZeroBeyondTheRangeAndOutsideTheCone) {
   Graph graph(graph_text(128, 128, false));
   for (const std::uint32_t type : {HEDDLE_LIGHT_POINT, HEDDLE_LIGHT_SPOT, HEDDLE_LIGHT_CONE, HEDDLE_LIGHT_WEDGE,
                                    HEDDLE_LIGHT_BOX, HEDDLE_LIGHT_CAPSULE, HEDDLE_LIGHT_SPHERE}) {
@@ -146,7 +155,7 @@ TEST(Lighting, H2LightIsExactlyZeroBeyondTheRangeAndOutsideTheCone) {
   }
 }
 
-TEST(Lighting, H3ALightAtTheSurfaceItselfGivesFiniteRadiance) {
+TEST_P(Lighting, H3ALightAtTheSurfaceItselfGivesFiniteRadiance) {
   Graph graph(graph_text(33, 33, false));
   for (std::uint32_t type = HEDDLE_LIGHT_POINT; type <= HEDDLE_LIGHT_RECTANGLE; ++type)
     for (const double roughness : {0.0, 1.0}) {
@@ -163,7 +172,7 @@ TEST(Lighting, H3ALightAtTheSurfaceItselfGivesFiniteRadiance) {
     }
 }
 
-TEST(Lighting, H4WithoutLightsTheImageIsEmissionAndEnvironment) {
+TEST_P(Lighting, H4WithoutLightsTheImageIsEmissionAndEnvironment) {
   for (const bool has_sky : {false, true}) {
     Scene scene;
     HeddleMaterial record = white(0.5, 0.0);
@@ -181,7 +190,7 @@ TEST(Lighting, H4WithoutLightsTheImageIsEmissionAndEnvironment) {
   }
 }
 
-TEST(LightingDeferred, ADirectionalLightGivesTheServicesBrdfTimesItsIrradiance) {
+TEST_P(Lighting, ADirectionalLightGivesTheServicesBrdfTimesItsIrradiance) {
   void* library = dlopen(HEDDLE_BUILD_DIR "/lib/heddle/plugins/surface_material/ggx/ggx.so", RTLD_NOW | RTLD_LOCAL);
   ASSERT_NE(library, nullptr) << dlerror();
   const auto entry = reinterpret_cast<heddle_entry_function>(dlsym(library, "heddle_entry"));
@@ -220,7 +229,7 @@ TEST(LightingDeferred, ADirectionalLightGivesTheServicesBrdfTimesItsIrradiance) 
   }
 }
 
-TEST(LightingDeferred, AMirrorShowsTheRadianceOfAreaLightsAndNothingBesideThem) {
+TEST_P(Lighting, AMirrorShowsTheRadianceOfAreaLightsAndNothingBesideThem) {
   for (const std::uint32_t type : {HEDDLE_LIGHT_SPHERE, HEDDLE_LIGHT_RECTANGLE}) {
     Scene scene;
     scene.use_material(white(0.0, 1.0));
@@ -238,7 +247,7 @@ TEST(LightingDeferred, AMirrorShowsTheRadianceOfAreaLightsAndNothingBesideThem) 
   }
 }
 
-TEST(LightingDeferred, UnlitSurfacesShowTheirBaseColourUnderAnyLight) {
+TEST_P(Lighting, UnlitSurfacesShowTheirBaseColourUnderAnyLight) {
   Scene scene;
   HeddleMaterial record = Scene::grey();
   record.flags = HEDDLE_MATERIAL_UNLIT;

@@ -487,6 +487,12 @@ TEST(Descriptor, WithAnAccessThatDoesNotFitIsRefused) {
                  "  expected: no HOST_READ and no HOST_WRITE in a gpu stage"));
   EXPECT_EQ(message([](Example& e) { e.accesses[1].clear[3] = NAN; }),
             told("stage 'draw': access to 'visibility': clear is NaN"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[1].load = HEDDLE_LOAD_CLEAR_NEW; }),
+            told("stage 'draw': access to 'visibility': HEDDLE_LOAD_CLEAR_NEW is for optional inout ports"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[1].blend = HEDDLE_BLEND_TINT + 1; }),
+            told("stage 'draw': access to 'visibility': unknown blend\n  found:    5\n  expected: 0 to 4"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[2].blend = HEDDLE_BLEND_OVER; }),
+            told("stage 'fill': access to 'table': blend belongs to HEDDLE_ACCESS_COLOR"));
   EXPECT_EQ(message([](Example& e) {
               e.accesses[1].port = "depth";
               e.accesses[1].access = HEDDLE_ACCESS_SAMPLED;

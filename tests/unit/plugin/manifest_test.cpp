@@ -64,7 +64,8 @@ Technique example() {
   Access write{"visibility",
                HEDDLE_ACCESS_COLOR,
                HEDDLE_LOAD_CLEAR,
-               {std::numeric_limits<float>::infinity(), 0.1F, 1e-45F, -0.0F}};
+               {std::numeric_limits<float>::infinity(), 0.1F, 1e-45F, -0.0F},
+               HEDDLE_BLEND_MULTIPLY};
   Access fill{"table", HEDDLE_ACCESS_STORAGE_READ_WRITE, HEDDLE_LOAD_DONT_CARE, {}};
   technique.stages = {{"draw", StageKind::kGpu, {read, write, fill}}, {"wait", StageKind::kCpu, {}}};
   technique.shaders = {{"draw", ShaderKind::kSurfaces, "draw", "", {"shadow", "sky"}, VK_COMPARE_OP_LESS, -1.1F, 0.7F}};

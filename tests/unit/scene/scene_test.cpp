@@ -120,6 +120,13 @@ TEST(Features, NameWhatInstancesShow) {
               testing::ElementsAre("surfaces", "lights", "masked", "emissive", "double_sided", "textures"));
   material.alpha_mode = HEDDLE_ALPHA_BLEND;
   EXPECT_THAT(scene.features(), testing::Contains("blended"));
+  material.alpha_mode = HEDDLE_ALPHA_OPAQUE;
+  EXPECT_THAT(scene.features(), testing::Not(testing::Contains("blended")));
+  material.transmission = 0.5F;
+  EXPECT_THAT(scene.features(), testing::Contains("blended"));
+  scene.environment.emplace();
+  EXPECT_THAT(scene.features(), testing::Contains("environment"));
+  scene.environment.reset();
   scene.instances.clear();
   EXPECT_THAT(scene.features(), testing::ElementsAre("lights"));
   EXPECT_THAT(Scene().features(), testing::IsEmpty());

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A scene on a device: draw lists, records and texels read back and compared with the scene's.
-#include "scene/upload.hpp"
+#include "scene/draw_order.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -71,6 +71,52 @@ TEST_F(SceneUpload, EmptyScenesHaveBuffersAndASet) {
   }
   EXPECT_TRUE(buffers.groups().empty());
   EXPECT_NE(buffers.material_set(0), VkDescriptorSet{VK_NULL_HANDLE});
+}
+
+TEST_F(SceneUpload, BlendedDrawsComeFarthestFirst) {
+  Scene scene;
+  const std::uint32_t glass = add_material(scene, HEDDLE_ALPHA_BLEND);
+  const std::uint32_t leaf = add_material(scene, HEDDLE_ALPHA_BLEND, HEDDLE_MATERIAL_DOUBLE_SIDED);
+  const std::uint32_t a = add_mesh(scene, glass, 1), b = add_mesh(scene, leaf, 3);  // b: triangles at z 0, 1, 2
+  add_instance(scene, a, {1e5, 0, -1});                                             // 0
+  add_instance(scene, a, {1e5, 0, -3});                                             // 1
+  add_instance(scene, b, {1e5, 0, -6});                                             // 2: from -6 to -4
+  add_instance(scene, a, {1e5, 0, -3});                                             // 3: as far as 1
+  add_instance(scene, b, {1e5, 0, -3});                                             // 4: from -3 to -1
+  SceneBuffers buffers(*device_, layout_);
+  const glm::dvec3 origin(1e5, 0, 0);
+  buffers.update(scene, origin);
+  std::vector<const DrawGroup*> groups;
+  for (const DrawGroup& group : buffers.groups()) groups.push_back(&group);
+  heddle_camera camera{};
+  camera.vertical_angle = 1.0;
+  camera.position[0] = 1e5;
+  const HeddleView view = make_view(camera, 8, 8, origin);
+
+  const auto objects_of = [&](const OrderedDraws& ordered) {
+    std::vector<std::uint32_t> objects;
+    for (const OrderedDraw& draw : ordered.draws)
+      for (std::uint32_t i = 0; i < draw.instance_count; ++i)
+        objects.push_back(buffers.order()[draw.first_instance + i]);
+    return objects;
+  };
+  const OrderedDraws instances = order_back_to_front(scene, buffers, groups, view, origin, false);
+  EXPECT_THAT(objects_of(instances), testing::ElementsAre(2, 1, 3, 4, 0));
+  EXPECT_TRUE(instances.indices.empty());
+  const OrderedDraws triangles = order_back_to_front(scene, buffers, groups, view, origin, true);
+  EXPECT_THAT(objects_of(triangles), testing::ElementsAre(2, 1, 3, 4, 0));
+  EXPECT_THAT(
+      std::vector(triangles.indices.begin(), triangles.indices.begin() + 9),
+      testing::ElementsAre(0, 1, 2, 3, 4, 5, 6, 7, 8));  // the camera looks along -Z: z 0 of the mesh is farthest
+
+  // From behind all is the other way round, but equal ones still come in the scene's order.
+  camera.position[2] = -10;
+  camera.rotation[1] = 1;
+  const HeddleView behind = make_view(camera, 8, 8, origin);
+  const OrderedDraws turned = order_back_to_front(scene, buffers, groups, behind, origin, true);
+  EXPECT_THAT(objects_of(turned), testing::ElementsAre(0, 4, 1, 3, 2));
+  EXPECT_THAT(std::vector(turned.indices.end() - 9, turned.indices.end()),
+              testing::ElementsAre(6, 7, 8, 3, 4, 5, 0, 1, 2));
 }
 
 TEST_F(SceneUpload, DrawsAreMergedByStateAndMesh) {

@@ -236,6 +236,47 @@ TEST_F(ShaderPipeline, FullscreenShaderCoversTheTargetWithUvDown) {
   }
 }
 
+TEST_F(ShaderPipeline, BlendsWeighNewAndOldColoursAsTheirNamesSay) {
+  // Drawn twice over what the target is cleared to.
+  const std::array<float, 4> before{0.5F, 0.25F, 0.125F, 0.0F};
+  const std::array<float, 4> drawn_color{1.0F, 0.5F, 0.0F, 0.5F}, tint{0.5F, 1.0F, 0.25F, 0.5F};
+  for (const std::uint32_t blend :
+       {HEDDLE_BLEND_NONE, HEDDLE_BLEND_OVER, HEDDLE_BLEND_ADD, HEDDLE_BLEND_MULTIPLY, HEDDLE_BLEND_TINT}) {
+    BoundPort port = image("color", HEDDLE_ACCESS_COLOR, VK_FORMAT_R32G32B32A32_SFLOAT);
+    port.blend = blend;
+    const std::string text =
+        "layout(push_constant) uniform Push { vec4 color; } push;\nvoid main() {\n  color = push.color;\n" +
+        std::string(blend == HEDDLE_BLEND_TINT ? "  color_tint = vec4(0.5, 1.0, 0.25, 0.5);\n" : "") + "}\n";
+    const ShaderRequest made = request("#include \"pass.glsl\"\n" + text, {port}, ShaderKind::kFullscreen);
+    const CompiledShader compiled = compile(made, {});
+    expect_valid(compiled.spirv);
+    RasterState opaque;
+    opaque.color_formats = {VK_FORMAT_R32G32B32A32_SFLOAT};
+    RasterState state = opaque;
+    state.blends = {blend};
+    const Pipeline first = maker_->fullscreen(compiled, {}, opaque);
+    const Pipeline second = maker_->fullscreen(compiled, {}, state);
+    const std::vector<float> pixels = drawn([&](VkCommandBuffer commands) {
+      const auto draw = [&](const Pipeline& pipeline, const std::array<float, 4>& color) {
+        vk().CmdBindPipeline(commands, pipeline.bind_point(), pipeline.handle());
+        vk().CmdPushConstants(commands, pipeline.layout(), VK_SHADER_STAGE_FRAGMENT_BIT, 0, sizeof color, color.data());
+        vk().CmdDraw(commands, 3, 1, 0, 0);
+      };
+      draw(first, before);
+      draw(second, drawn_color);
+    });
+    for (std::size_t c = 0; c < 4; ++c) {
+      const float fresh = drawn_color[c], old = before[c];
+      const float expected = blend == HEDDLE_BLEND_OVER       ? fresh + (1.0F - drawn_color[3]) * old
+                             : blend == HEDDLE_BLEND_ADD      ? fresh + old
+                             : blend == HEDDLE_BLEND_MULTIPLY ? fresh * old
+                             : blend == HEDDLE_BLEND_TINT     ? fresh + tint[c] * old
+                                                              : fresh;
+      EXPECT_EQ(pixels[c], expected) << "blend " << blend << ", channel " << c;  // exact: few bits each
+    }
+  }
+}
+
 // One quad over the target at z = 0.5, mirrored and stretched; its texture has a hole in the left half.
 class SurfacePipeline : public ShaderPipeline {
  protected:

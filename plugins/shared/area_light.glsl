@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where the specular lobe of a point meets a light that has a size, and how much the light widens the lobe.
-// Source  Karis 2013, "Real Shading in Unreal Engine 4", "Area Lights" (representative point, normalization); README
-//         equations (2) to (4)
-#ifndef HEDDLE_LIGHTING_AREA_GLSL
-#define HEDDLE_LIGHTING_AREA_GLSL
+// Source  Karis 2013, "Real Shading in Unreal Engine 4", "Area Lights" (representative point, normalization);
+//         equations (2) to (4) of lighting/deferred's README
+#ifndef HEDDLE_SHARED_AREA_LIGHT_GLSL
+#define HEDDLE_SHARED_AREA_LIGHT_GLSL
 #include "light.glsl"
 
 // sin^2 of the angular radius of the disc that gives the same irradiance to a plane facing it.

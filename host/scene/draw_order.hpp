@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// Surfaces and a view -> draws from the farthest instance to the nearest, for blending.
+#pragma once
+
+#include "scene/upload.hpp"
+
+namespace heddle::scene {
+
+/// One vkCmdDrawIndexed.
+struct OrderedDraw {
+  const DrawGroup* group = nullptr;
+  std::uint32_t first_index = 0, index_count = 0;
+  std::int32_t vertex_offset = 0;
+  std::uint32_t first_instance = 0, instance_count = 0;  // in SceneBuffers::instances()
+};
+
+struct OrderedDraws {
+  std::vector<OrderedDraw> draws;
+  std::vector<std::uint32_t> indices;  // what first_index counts in; empty: SceneBuffers::indices()
+};
+
+/// The instances of `groups` (pointers into buffers.groups()) by the depth of their bounds' centre along the view's
+/// axis, in float64, farthest first; of equal ones the scene's first one first. With `sorts_triangles` the triangles of
+/// each instance as well, by the depth of their centroids. `origin` is the frame's.
+OrderedDraws order_back_to_front(const Scene& scene, const SceneBuffers& buffers,
+                                 std::span<const DrawGroup* const> groups, const HeddleView& view,
+                                 const glm::dvec3& origin, bool sorts_triangles);
+
+}  // namespace heddle::scene
