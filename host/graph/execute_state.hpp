@@ -33,6 +33,7 @@ struct ShaderState {
   const Shader* shader = nullptr;
   std::uint32_t stage = 0;
   vulkan::CompiledShader compiled;
+  std::vector<PassIndex> owners;  // parallel to compiled.bindings: whose port or parameters each is
   vulkan::Pipeline pipeline;
   vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
 };
