@@ -825,6 +825,7 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
           {{"pass", stage.pass}, {"stage", stage.stage}, {"wall_ms", stage.wall_ms}, {"cpu_ms", stage.cpu_ms}});
     }
     json["counters"] = counters_json(stats.before, stats.after);
+    json["instances"] = {{"drawn", stats.instances_drawn}, {"culled", stats.instances_culled}};
     json["memory"] = {{"transient_bytes", stats.heap_bytes},
                       {"transient_bytes_without_aliasing", stats.unaliased_bytes},
                       {"kept_bytes", stats.kept_bytes}};

@@ -207,7 +207,7 @@ typedef struct heddle_snapshot {
 typedef uint32_t (*heddle_alpha_test)(const heddle_snapshot* snapshot, uint32_t triangle, float barycentric_u,
                                       float barycentric_v);
 
-/* One drawing of a surfaces port, from one view into one part of the stage's attachments. */
+/* One drawing of a surfaces port, from one view into one part of the stage's attachments; what is out of view is culled. */
 typedef struct heddle_draw {
   uint32_t struct_size;
   const char* shader; /* of kind HEDDLE_SHADER_SURFACES */

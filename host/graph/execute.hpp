@@ -37,6 +37,7 @@ struct FrameStats {
   double submit_ms = 0;           // from the first submission to the last fence
   std::vector<StageTime> stages;  // profiled frames only
   vulkan::Counters before, after;
+  std::uint64_t instances_drawn = 0, instances_culled = 0;  // summed over the frame's drawings
   std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;
   std::vector<std::string> libraries;  // open for this graph
 };

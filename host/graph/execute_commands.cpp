@@ -318,6 +318,7 @@ heddle_status draw(const heddle_pass_host* self, heddle_frame* frame, const hedd
         set_viewport(vk, frame->commands, wanted.x, wanted.y, wanted.width, wanted.height);
       }
       const std::uint32_t view_offset = executor.add_view(view);
+      const scene::Frustum frustum(view);
       const scene::SceneBuffers& buffers = *executor.scene_buffers;
       const bool is_depth_only = shader->shader->file.empty();
       const vulkan::Pipeline* bound = nullptr;
@@ -325,6 +326,8 @@ heddle_status draw(const heddle_pass_host* self, heddle_frame* frame, const hedd
         if (group.command_count == 0) continue;
         if (wanted.include != 0 && (group.flags & wanted.include) == 0) continue;
         if ((group.flags & wanted.require) != wanted.require) continue;
+        const Executor::State::DrawRange range = executor.draw_range(group, frustum);
+        if (range.count == 0) continue;
         const bool is_masked = (group.flags & HEDDLE_SURFACE_MASKED) != 0;
         const vulkan::Pipeline& pipeline = is_depth_only && is_masked ? shader->masked : shader->pipeline;
         if (bound != &pipeline) {
@@ -342,8 +345,7 @@ heddle_status draw(const heddle_pass_host* self, heddle_frame* frame, const hedd
         vk.CmdSetCullMode(frame->commands, is_two_sided ? VK_CULL_MODE_NONE : VK_CULL_MODE_BACK_BIT);
         vk.CmdSetFrontFace(frame->commands,
                            group.is_flipped ? VK_FRONT_FACE_CLOCKWISE : VK_FRONT_FACE_COUNTER_CLOCKWISE);
-        vk.CmdDrawIndexedIndirect(frame->commands, buffers.commands().handle(),
-                                  group.first_command * sizeof(VkDrawIndexedIndirectCommand), group.command_count,
+        vk.CmdDrawIndexedIndirect(frame->commands, range.buffer, range.offset, range.count,
                                   sizeof(VkDrawIndexedIndirectCommand));
       }
     }

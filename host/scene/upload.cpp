@@ -80,6 +80,7 @@ struct SceneBuffers::State {
   std::vector<VkDrawIndexedIndirectCommand> command_list;
   std::vector<std::uint32_t> command_meshes;
   std::vector<std::uint32_t> order;     // scene's instances in draw order
+  InstanceBoxes boxes;                  // in draw order
   std::vector<std::uint8_t> flips;      // by scene's instance
   std::vector<HeddleMaterial> records;  // as uploaded
   std::uint64_t content_revision = 0, motion_revision = 0;
@@ -213,8 +214,9 @@ void SceneBuffers::State::sort_draws(const Scene& scene) {
     const bool same_state = i > 0 && keys[i - 1].state() == key.state();
     if (!same_state) {
       groups.push_back(
-          {key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(command_list.size()), 0});
+          {key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(command_list.size()), 0, 0});
     }
+    ++groups.back().instance_count;
     if (same_state && keys[i - 1].mesh == key.mesh) {
       ++command_list.back().instanceCount;
     } else {
@@ -231,7 +233,9 @@ void SceneBuffers::State::sort_draws(const Scene& scene) {
 
 void SceneBuffers::State::upload_instances(const Scene& scene) {
   std::vector<HeddleInstance> list;
+  std::vector<Box> list_boxes;
   list.reserve(order.size());
+  list_boxes.reserve(order.size());
   for (const std::uint32_t index : order) {
     const Instance& instance = scene.instances[index];
     HeddleInstance record{};
@@ -243,7 +247,9 @@ void SceneBuffers::State::upload_instances(const Scene& scene) {
     record.flip = flips[index];
     record.previous_vertex = meshes[instance.mesh].steps_to_previous();
     list.push_back(record);
+    list_boxes.push_back(bounding_box(scene.meshes[instance.mesh].bounds, record));
   }
+  boxes.assign(std::move(list_boxes));
   fill(device, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
 }
 
@@ -298,6 +304,10 @@ const vulkan::Buffer& SceneBuffers::commands() const {
 }
 std::span<const DrawGroup> SceneBuffers::groups() const {
   return state_->groups;
+}
+VisibleDraws SceneBuffers::visible(const DrawGroup& group, const Frustum& frustum) const {
+  return cull(std::span(state_->command_list).subspan(group.first_command, group.command_count), state_->boxes,
+              frustum);
 }
 VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
   return state_->textures.set(texture_group);

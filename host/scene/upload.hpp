@@ -3,6 +3,7 @@
 // mips), and the surfaces' draw lists merged by texture group and by what pipelines must differ in.
 #pragma once
 
+#include "scene/cull.hpp"
 #include "scene/scene.hpp"
 #include "vulkan/device.hpp"
 
@@ -16,6 +17,7 @@ struct DrawGroup {
   std::uint32_t texture_group = 0;                     // set 2
   bool is_flipped = false;                             // front faces are clockwise
   std::uint32_t first_command = 0, command_count = 0;  // in the indirect buffer (VkDrawIndexedIndirectCommand)
+  std::uint32_t instance_count = 0;
 };
 
 /// Buffers and textures of one scene on one device. update() before each frame.
@@ -37,6 +39,8 @@ class SceneBuffers {
   [[nodiscard]] const vulkan::Buffer& commands()
       const;  // VkDrawIndexedIndirectCommand; firstInstance = first in instances()
   [[nodiscard]] std::span<const DrawGroup> groups() const;
+  /// The group's commands without the instances that cannot be seen. What bends is judged by its shape of now.
+  [[nodiscard]] VisibleDraws visible(const DrawGroup& group, const Frustum& frustum) const;
   /// Descriptor set 2 of a texture group: bindings 0..4 = sampler2DArray of base colour, metallic-roughness, normal,
   /// occlusion, emissive.
   [[nodiscard]] VkDescriptorSet material_set(std::uint32_t texture_group) const;
