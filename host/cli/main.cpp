@@ -34,6 +34,7 @@ int main(int argc, char** argv) {
     heddle::cli::add_list(app, &status);
     heddle::cli::add_doctor(app, &status);
     heddle::cli::add_new_technique(app);
+    heddle::cli::add_bench(app);
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return error.get_exit_code() == 0 ? app.exit(error) : (app.exit(error), HEDDLE_BAD_INPUT);

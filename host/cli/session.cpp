@@ -22,11 +22,6 @@ void log_to_stderr(void* user, std::uint32_t severity, const char* text) {
   std::fprintf(stderr, "%s\n", text);
 }
 
-std::filesystem::path program_folder() {
-  std::error_code ignored;
-  return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path();
-}
-
 /// Graphs that come with Heddle: beside the libraries, lib/heddle/graphs.
 std::filesystem::path shipped_graph(const std::string& name) {
   return program_folder().parent_path() / "lib" / "heddle" / "graphs" /
@@ -53,6 +48,11 @@ bool is_scene(const std::string& file) {
 }
 
 }  // namespace
+
+std::filesystem::path program_folder() {
+  std::error_code ignored;
+  return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path();
+}
 
 void check(const heddle_host* host, heddle_status status) {
   if (status != HEDDLE_OK) throw Failure{status, heddle_error(host)};

@@ -72,6 +72,9 @@ void write_port(heddle_host* host, heddle_graph* graph, const std::string& port,
 /// A line for people on stderr unless quiet.
 void say(const HostArguments& arguments, std::string_view text);
 
+/// Where this command lies: PREFIX/bin.
+std::filesystem::path program_folder();
+
 /// Scenes written in Python run in Python over the same C API: replaces this process by
 /// `python3 -m heddle ARGUMENTS`. Returns only by throwing Failure.
 [[noreturn]] void run_in_python(int argc, char** argv);
@@ -83,5 +86,6 @@ void add_compare(CLI::App& app, int* exit_status);
 void add_list(CLI::App& app, int* exit_status);
 void add_doctor(CLI::App& app, int* exit_status);
 void add_explain(CLI::App& app, int* exit_status);
+void add_bench(CLI::App& app);  // never returns when it ran
 
 }  // namespace heddle::cli
