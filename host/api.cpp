@@ -406,11 +406,14 @@ Json counters_json(const heddle::vulkan::Counters& before, const heddle::vulkan:
           {"draws", after.draws - before.draws},
           {"dispatches", after.dispatches - before.dispatches},
           {"barriers", after.barriers - before.barriers},
+          {"barrier_parts", after.barrier_parts - before.barrier_parts},
           {"renderings", after.renderings - before.renderings},
           {"submits", after.submits - before.submits},
           {"uploaded_bytes", after.uploaded_bytes - before.uploaded_bytes},
           {"read_back_bytes", after.read_back_bytes - before.read_back_bytes},
           {"pipelines_created", after.pipelines - before.pipelines},
+          {"pipelines_total", after.pipelines},
+          {"pipeline_total_ms", 1e-6 * static_cast<double>(after.pipeline_ns)},
           {"live_pipelines", after.live_pipelines},
           {"live_images", after.live_images},
           {"live_buffers", after.live_buffers},
@@ -1015,6 +1018,7 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
       json["loops"].push_back({{"pass", loop.pass}, {"done", loop.done}, {"total", loop.total}});
     }
     json["counters"] = counters_json(stats.before, stats.after);
+    json["instances"] = {{"drawn", stats.instances_drawn}, {"culled", stats.instances_culled}};
     json["memory"] = {{"transient_bytes", stats.heap_bytes},
                       {"transient_bytes_without_aliasing", stats.unaliased_bytes},
                       {"kept_bytes", stats.kept_bytes}};

@@ -279,7 +279,7 @@ typedef uint32_t (*heddle_alpha_test)(const heddle_snapshot* snapshot, uint32_t 
 #define HEDDLE_CULL_DEFAULT 0u  /* CULL_MATERIAL; depth-only shaders: nothing, so that what is open still casts */
 #define HEDDLE_CULL_MATERIAL 1u /* backs of surfaces that are not double-sided */
 
-/* One drawing of a surfaces port, from one view into one part of the stage's attachments. */
+/* One drawing of a surfaces port, from one view into one part of the stage's attachments; what is out of view is culled. */
 typedef struct heddle_draw {
   uint32_t struct_size;
   const char* shader; /* of kind HEDDLE_SHADER_SURFACES */

@@ -41,6 +41,7 @@ int main(int argc, char** argv) {
     heddle::cli::add_list(app, &status);
     heddle::cli::add_doctor(app, &status);
     heddle::cli::add_new_technique(app);
+    heddle::cli::add_bench(app);
     heddle::cli::add_schema(app, &status);
     heddle::cli::add_completion(app, &status);
     // Its words are a line that is being written, no arguments.

@@ -25,11 +25,6 @@ void log_to_stderr(void* user, std::uint32_t severity, const char* text) {
   std::fprintf(stderr, "%s\n", text);
 }
 
-std::filesystem::path program_folder() {
-  std::error_code ignored;
-  return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path();
-}
-
 /// Index of what was asked for by name or number.
 std::uint32_t choose(const std::vector<std::string>& names, const std::string& wanted, std::string_view kind) {
   auto found = std::find(names.begin(), names.end(), wanted);
@@ -71,6 +66,11 @@ bool is_scene(const std::string& file) {
 }
 
 }  // namespace
+
+std::filesystem::path program_folder() {
+  std::error_code ignored;
+  return std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path();
+}
 
 void Destroy::operator()(heddle_host* host) const {
   stop_on_signals(nullptr);

@@ -77,6 +77,9 @@ void write_file(const std::filesystem::path& file, std::string_view text);
 /// A line for people on stderr unless quiet.
 void say(const HostArguments& arguments, std::string_view text);
 
+/// Where this command lies: PREFIX/bin.
+std::filesystem::path program_folder();
+
 /// Scenes written in Python run in Python over the same C API: replaces this process by
 /// `python3 -m heddle ARGUMENTS`. Returns only by throwing Failure.
 [[noreturn]] void run_in_python(int argc, char** argv);
@@ -91,5 +94,6 @@ void add_explain(CLI::App& app, int* exit_status);
 void add_inspect(CLI::App& app, int* exit_status);
 void add_schema(CLI::App& app, int* exit_status);
 void add_completion(CLI::App& app, int* exit_status);
+void add_bench(CLI::App& app);  // never returns when it ran
 
 }  // namespace heddle::cli

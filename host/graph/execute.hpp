@@ -59,6 +59,7 @@ struct FrameStats {
   std::vector<StageTime> stages;  // profiled frames only; iterations of a loop together
   std::vector<LoopProgress> loops;
   vulkan::Counters before, after;
+  std::uint64_t instances_drawn = 0, instances_culled = 0;  // summed over the frame's drawings
   std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;
   std::vector<std::string> libraries;  // open for this graph
   PlanStats plan;

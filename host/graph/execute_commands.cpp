@@ -557,9 +557,8 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
     write.descriptorType = vulkan::descriptor_type(binding);
     write.pImageInfo = &images[i];
     write.pBufferInfo = &buffers[i];
-    const auto owner = std::find_if(graph.passes.begin(), graph.passes.end(),
-                                    [&](const Pass& pass) { return pass.name == binding.pass; });
-    const auto resource_of = [&]() -> ResourceIndex { return owner->ports.at(binding.port); };
+    const Pass& owner = graph.passes[shader.owners[i]];
+    const auto resource_of = [&]() -> ResourceIndex { return owner.ports.at(binding.port); };
     // What an absent optional value or buffer reads as: zeros, and no element of a list (16 bytes are the list's
     // header).
     const auto zeros = [&]() -> VkDescriptorBufferInfo {
@@ -584,7 +583,7 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         images[i] = {VK_NULL_HANDLE, root(resource_of()).image.mip_view(0), VK_IMAGE_LAYOUT_GENERAL};
         break;
       case vulkan::Binding::Kind::kStorageBuffer: {
-        if (owner->ports.count(binding.port) == 0) {
+        if (owner.ports.count(binding.port) == 0) {
           buffers[i] = zeros();
           break;
         }
@@ -598,7 +597,7 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         break;
       }
       case vulkan::Binding::Kind::kUniformBuffer: {
-        if (owner->ports.count(binding.port) == 0) {
+        if (owner.ports.count(binding.port) == 0) {
           buffers[i] = zeros();
           break;
         }
@@ -610,8 +609,7 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         break;
       }
       case vulkan::Binding::Kind::kParameters:
-        buffers[i] = {passes[static_cast<std::size_t>(owner - graph.passes.begin())]->parameters.handle(), 0,
-                      VK_WHOLE_SIZE};
+        buffers[i] = {passes[shader.owners[i]]->parameters.handle(), 0, VK_WHOLE_SIZE};
         break;
       case vulkan::Binding::Kind::kSwitchTable:
         frame_buffers.push_back(switch_table(pass_of(state), binding.role));

@@ -66,11 +66,13 @@ void Executor::State::draw_surfaces(const PassState& pass, const ShaderState& sh
   if (groups.empty()) return;
   GroupBinder binder(*this, pass, shader, drawing, add_view(view));
   if (drawing.order == HEDDLE_ORDER_STATE) {
+    const scene::Frustum frustum(view);
     vk.CmdBindIndexBuffer(commands, buffers.indices().handle(), 0, VK_INDEX_TYPE_UINT32);
     for (const scene::DrawGroup* group : groups) {
+      const DrawRange range = draw_range(*group, frustum);
+      if (range.count == 0) continue;
       binder.bind(*group);
-      vk.CmdDrawIndexedIndirect(commands, buffers.commands().handle(),
-                                group->first_command * sizeof(VkDrawIndexedIndirectCommand), group->command_count,
+      vk.CmdDrawIndexedIndirect(commands, range.buffer, range.offset, range.count,
                                 sizeof(VkDrawIndexedIndirectCommand));
     }
     return;

@@ -270,6 +270,33 @@ std::uint32_t Executor::State::add_view(const HeddleView& view) {
   return offset;
 }
 
+Executor::State::DrawRange Executor::State::draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum) {
+  constexpr std::uint64_t kStride = sizeof(VkDrawIndexedIndirectCommand);
+  const DrawRange whole{scene_buffers->commands().handle(), group.first_command * kStride, group.command_count};
+  if (!variant.culls) {
+    stats.instances_drawn += group.instance_count;
+    return whole;
+  }
+  const scene::VisibleDraws visible = scene_buffers->visible(group, frustum);
+  stats.instances_drawn += visible.drawn;
+  stats.instances_culled += visible.culled;
+  if (visible.culled == 0) return whole;
+  if (visible.drawn == 0) return {};
+  const std::uint64_t bytes = visible.commands.size() * kStride;
+  if (!draw_commands || draw_command_bytes + bytes > draw_commands.size()) {
+    const std::uint64_t size = std::max<std::uint64_t>({draw_commands ? draw_commands.size() * 2 : 0, bytes, 4096});
+    if (draw_commands) frame_buffers.push_back(std::move(draw_commands));  // what was recorded reads it
+    draw_commands = device->make_buffer(size, VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT, true);
+    draw_command_bytes = 0;
+  }
+  const std::uint64_t offset = draw_command_bytes;
+  std::memcpy(draw_commands.data() + offset, visible.commands.data(), bytes);
+  device->note_host_write(draw_commands, offset, bytes);
+  device->count_upload(bytes);
+  draw_command_bytes += bytes;
+  return {draw_commands.handle(), offset, static_cast<std::uint32_t>(visible.commands.size())};
+}
+
 void Executor::State::write_neutral(PassState& state, const ScheduledStage& stage) {
   const Pass& pass = pass_of(state);
   const Stage& declared = technique_of(state).stages[stage.stage];
@@ -442,6 +469,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
   try {
     if (!s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
     s.begin_frame_memory();
+    s.stats.instances_drawn = s.stats.instances_culled = 0;
     s.drawn_layers.clear();
     s.looks.clear();
     s.errors.clear();

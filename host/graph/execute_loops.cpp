@@ -86,12 +86,13 @@ void Executor::State::begin_frame_memory() {
   descriptor_pool = 0;
   frame_buffers.clear();
   view_count = 0;
+  draw_command_bytes = 0;
   program_set = VK_NULL_HANDLE;
 }
 
 void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled) {
   const auto start = Clock::now();
-  const double cpu_start = process_cpu_ms();
+  const double cpu_start = is_profiled ? process_cpu_ms() : 0;  // a system call
   stop_if_cancelled();
   poison_around(index, true);
   run_stage(index, before);

@@ -586,6 +586,11 @@ void Executor::State::compile_passes() {
       if (!shader.file.empty()) {
         made.compiled = vulkan::compile(shader_request(*state, shader), services.cache_folder);
         for (const std::string& warning : made.compiled.warnings) services.log(Severity::kWarning, warning);
+        for (const vulkan::Binding& binding : made.compiled.bindings) {
+          const auto owner = std::find_if(graph.passes.begin(), graph.passes.end(),
+                                          [&](const Pass& candidate) { return candidate.name == binding.pass; });
+          made.owners.push_back(static_cast<PassIndex>(owner - graph.passes.begin()));
+        }
       } else {
         made.compiled.kind = ShaderKind::kSurfaces;
       }

@@ -35,6 +35,7 @@ struct ShaderState {
   const Shader* shader = nullptr;
   std::uint32_t stage = 0;
   vulkan::CompiledShader compiled;
+  std::vector<PassIndex> owners;  // parallel to compiled.bindings: whose port or parameters each is
   vulkan::Constants values;  // that the pipelines were made with
   vulkan::RasterState raster;
   vulkan::Pipeline pipeline;
@@ -170,6 +171,8 @@ struct Executor::State {
   std::vector<vulkan::Buffer> frame_buffers;  // staging that must live until the fence
   vulkan::Buffer views;                       // HeddleView of each drawing, 512 bytes apart
   std::uint32_t view_count = 0;
+  vulkan::Buffer draw_commands;  // of drawings that leave out instances
+  std::uint64_t draw_command_bytes = 0;
   VkDescriptorSet program_set = VK_NULL_HANDLE;
   std::vector<Diagnostic> errors;  // reported by plugins in the running call
 
@@ -242,12 +245,19 @@ struct Executor::State {
   void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer);
   [[nodiscard]] VkExtent2D attachment_extent(const Pass& pass, const Stage& stage) const;
   std::uint32_t add_view(const HeddleView& view);
+  struct DrawRange {  // of indirect commands
+    VkBuffer buffer = VK_NULL_HANDLE;
+    std::uint64_t offset = 0;
+    std::uint32_t count = 0;
+  };
+  DrawRange draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum);
   void throw_if_failed(const PassState& pass, heddle_status status, std::string_view what);
 
   // What Executor::check renders (execute_orders.cpp): one of find_orders, and what fills memory that nobody wrote.
   struct Variant {
     std::size_t order = 0;
     std::optional<std::uint32_t> poison;
+    bool culls = true;
   };
   Variant variant;
   void place_poison(ResourceIndex resource, std::uint64_t bytes);

@@ -66,6 +66,7 @@ struct SceneBuffers::State {
   std::vector<VkDrawIndexedIndirectCommand> command_list;
   std::vector<std::uint32_t> command_meshes;
   std::vector<std::uint32_t> order;     // scene's instances in draw order
+  InstanceBoxes boxes;                  // in draw order
   std::vector<std::uint8_t> flips;      // by scene's instance
   std::vector<HeddleMaterial> records;  // as uploaded
   std::uint64_t content_revision = 0, motion_revision = 0;
@@ -218,7 +219,9 @@ void SceneBuffers::State::sort_draws(const Scene& scene) {
 
 void SceneBuffers::State::upload_instances(const Scene& scene) {
   std::vector<HeddleInstance> list;
+  std::vector<Box> list_boxes;
   list.reserve(order.size());
+  list_boxes.reserve(order.size());
   for (const std::uint32_t index : order) {
     const Instance& instance = scene.instances[index];
     HeddleInstance record{};
@@ -230,7 +233,9 @@ void SceneBuffers::State::upload_instances(const Scene& scene) {
     record.flip = flips[index];
     record.previous_vertex = meshes[instance.mesh].steps_to_previous();
     list.push_back(record);
+    list_boxes.push_back(bounding_box(scene.meshes[instance.mesh].bounds, record));
   }
+  boxes.assign(std::move(list_boxes));
   fill(device, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
 }
 
@@ -291,6 +296,10 @@ std::span<const std::uint32_t> SceneBuffers::order() const {
 }
 const MeshRange& SceneBuffers::mesh(std::uint32_t index) const {
   return state_->meshes.at(index);
+}
+VisibleDraws SceneBuffers::visible(const DrawGroup& group, const Frustum& frustum) const {
+  return cull(std::span(state_->command_list).subspan(group.first_command, group.command_count), state_->boxes,
+              frustum);
 }
 VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
   return state_->textures.set(texture_group);

@@ -3,6 +3,7 @@
 // mips), and the surfaces' draw lists merged by texture group and by what pipelines must differ in.
 #pragma once
 
+#include "scene/cull.hpp"
 #include "scene/scene.hpp"
 #include "vulkan/device.hpp"
 
@@ -56,6 +57,8 @@ class SceneBuffers {
   [[nodiscard]] std::span<const std::uint32_t> order() const;
   /// Of the scene's mesh of that number.
   [[nodiscard]] const MeshRange& mesh(std::uint32_t index) const;
+  /// The group's commands without the instances that cannot be seen. What bends is judged by its shape of now.
+  [[nodiscard]] VisibleDraws visible(const DrawGroup& group, const Frustum& frustum) const;
   /// Descriptor set 2 of a texture group: bindings 0..4 = sampler2DArray of base colour, metallic-roughness, normal,
   /// occlusion, emissive.
   [[nodiscard]] VkDescriptorSet material_set(std::uint32_t texture_group) const;

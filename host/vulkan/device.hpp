@@ -24,8 +24,10 @@ class Recorder;
 struct Counters {
   std::uint64_t commands = 0;  // every vkCmd*
   std::uint64_t draws = 0, dispatches = 0, barriers = 0, renderings = 0;
+  std::uint64_t barrier_parts = 0;  // memory, buffer and image barriers of all barriers
   std::uint64_t submits = 0;
-  std::uint64_t pipelines = 0;  // created since the device
+  std::uint64_t pipelines = 0;    // created since the device
+  std::uint64_t pipeline_ns = 0;  // spent by the driver on creating them
   std::uint64_t live_pipelines = 0, live_images = 0, live_buffers = 0;
   std::uint64_t device_memory_bytes = 0;  // allocated now
   std::uint64_t uploaded_bytes = 0, read_back_bytes = 0;

@@ -7,6 +7,7 @@
 #include "vulkan/hazard_recorder.hpp"
 
 #include <array>
+#include <chrono>
 #include <cstdlib>
 #include <mutex>
 #include <tuple>
@@ -18,8 +19,8 @@ namespace heddle::vulkan {
 struct Calls {
   using Count = std::atomic<std::uint64_t>;
   heddle_vulkan next{};  // what the driver offers
-  Count commands{0}, draws{0}, dispatches{0}, barriers{0}, renderings{0}, submits{0};
-  Count pipelines{0}, live_pipelines{0}, live_images{0}, live_buffers{0};
+  Count commands{0}, draws{0}, dispatches{0}, barriers{0}, barrier_parts{0}, renderings{0}, submits{0};
+  Count pipelines{0}, pipeline_ns{0}, live_pipelines{0}, live_images{0}, live_buffers{0};
   Count device_memory_bytes{0}, uploaded_bytes{0}, read_back_bytes{0};
   hazard::Recorder* recorder = nullptr;    // check mode alone
   std::unique_ptr<ClassicPasses> classic;  // check mode under validation alone
@@ -92,6 +93,9 @@ constexpr bool kIsOneOf = (std::is_same_v<Named<Member>, Named<Others>> || ...);
 
 using Table = heddle_vulkan;
 
+template <auto Function>
+constexpr bool kMakesPipelines = kIsOneOf<Function, &Table::CreateComputePipelines, &Table::CreateGraphicsPipelines>;
+
 /// Memory goes off the list before the driver may hand out the same handle again.
 template <auto Function, typename... Args>
 void count_before(Calls& calls, const std::tuple<Args...>& args) {
@@ -114,7 +118,7 @@ void count_before(Calls& calls, const std::tuple<Args...>& args) {
 }
 
 template <auto Function, typename... Args>
-void count_command(Calls& calls) {
+void count_command(Calls& calls, const std::tuple<Args...>& args) {
   add(calls.commands);
   if constexpr (kIsOneOf<Function, &Table::CmdDraw, &Table::CmdDrawIndexed, &Table::CmdDrawIndirect,
                          &Table::CmdDrawIndexedIndirect, &Table::CmdDrawIndirectCount,
@@ -122,14 +126,19 @@ void count_command(Calls& calls) {
     add(calls.draws);
   }
   if constexpr (kIsOneOf<Function, &Table::CmdDispatch, &Table::CmdDispatchIndirect>) add(calls.dispatches);
-  if constexpr (kIsOneOf<Function, &Table::CmdPipelineBarrier2>) add(calls.barriers);
+  if constexpr (kIsOneOf<Function, &Table::CmdPipelineBarrier2>) {
+    const VkDependencyInfo& dependency = *std::get<0>(args);
+    add(calls.barriers);
+    add(calls.barrier_parts, std::uint64_t{dependency.memoryBarrierCount} + dependency.bufferMemoryBarrierCount +
+                                 dependency.imageMemoryBarrierCount);
+  }
   if constexpr (kIsOneOf<Function, &Table::CmdBeginRendering>) add(calls.renderings);
 }
 
 /// Only what the driver really made counts.
 template <auto Function, typename... Args>
 void count_after(Calls& calls, VkResult result, const std::tuple<Args...>& args) {
-  if constexpr (kIsOneOf<Function, &Table::CreateComputePipelines, &Table::CreateGraphicsPipelines>) {
+  if constexpr (kMakesPipelines<Function>) {
     // Of several pipelines some may exist although the call failed.
     for (std::uint32_t i = 0; i < std::get<1>(args); ++i) {
       if (std::get<4>(args)[i] == VK_NULL_HANDLE) continue;
@@ -185,12 +194,18 @@ template <auto Function, typename Observe, Traits kTraits, typename Result, type
 struct Counted<Function, Observe, kTraits, Result(VKAPI_PTR*)(Handle, Args...)> {
   static VKAPI_ATTR Result VKAPI_CALL call(Handle handle, Args... args) {
     Calls& calls = calls_of(handle);
-    if constexpr (kTraits.is_command) count_command<Function>(calls);
     const std::tuple<Args...> all(args...);
+    if constexpr (kTraits.is_command) count_command<Function>(calls, all);
     count_before<Function>(calls, all);
     if (kTraits.ends_something && calls.recorder != nullptr) Observe::call(*calls.recorder, handle, args...);
     if constexpr (std::is_same_v<Result, VkResult>) {
+      using Clock = std::chrono::steady_clock;
+      [[maybe_unused]] const Clock::time_point start = kMakesPipelines<Function> ? Clock::now() : Clock::time_point{};
       const VkResult result = (calls.next.*Function)(handle, args...);
+      if constexpr (kMakesPipelines<Function>) {
+        const auto spent = std::chrono::duration_cast<std::chrono::nanoseconds>(Clock::now() - start);
+        add(calls.pipeline_ns, static_cast<std::uint64_t>(spent.count()));
+      }
       count_after<Function>(calls, result, all);
       if (!kTraits.ends_something && calls.recorder != nullptr && result == VK_SUCCESS)
         Observe::call(*calls.recorder, handle, args...);
@@ -231,8 +246,10 @@ Counters CountedTable::counters() const {
           .dispatches = calls_->dispatches,
           .barriers = calls_->barriers,
           .renderings = calls_->renderings,
+          .barrier_parts = calls_->barrier_parts,
           .submits = calls_->submits,
           .pipelines = calls_->pipelines,
+          .pipeline_ns = calls_->pipeline_ns,
           .live_pipelines = calls_->live_pipelines,
           .live_images = calls_->live_images,
           .live_buffers = calls_->live_buffers,

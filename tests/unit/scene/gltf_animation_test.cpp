@@ -269,16 +269,54 @@ TEST_F(GltfAnimationErrors, UnknownPropertiesAndFixedNodesAreLeftOutAndSaid) {
                            "animation 1 'second': node 2 'stays' has a matrix, which channels cannot move"));
 }
 
-class AnimatedUpload : public vulkan::OnDevice {};
+class AnimatedUpload : public vulkan::OnDevice {
+ protected:
+  static Scene load_moving() {
+    const std::filesystem::path path =
+        std::filesystem::temp_directory_path() / ("heddle_animated_" + std::to_string(getpid()) + ".glb");
+    std::ofstream(path, std::ios::binary) << moving().glb();
+    Scene scene;
+    load_gltf(scene, path);
+    std::filesystem::remove(path);
+    return scene;
+  }
+};
+
+TEST_F(AnimatedUpload, WhatBendsIsCulledByItsShapeOfNow) {
+  Scene scene = load_moving();
+  const VkDescriptorSetLayout layout = make_materials_layout(*device_);
+  {
+    SceneBuffers buffers(*device_, layout);
+    // Sees x and y from -20 to 20 and z from 5 to 8, where only a bent corner ever comes.
+    heddle_camera camera{};
+    camera.struct_size = sizeof camera;
+    camera.position[2] = 9;
+    camera.rotation[3] = 1;
+    camera.is_orthographic = 1;
+    camera.vertical_angle = 20;
+    camera.aspect = 1;
+    camera.near_distance = 1;
+    camera.far_distance = 4;
+    const Frustum frustum(make_view(camera, 16, 16, glm::dvec3(0.0)));
+    for (const auto& [time, drawn] : std::map<double, std::uint32_t>{{0, 0}, {0.5, 0}, {0.75, 1}, {1, 1}, {0.25, 0}}) {
+      scene.set_time(time);
+      buffers.update(scene, glm::dvec3(0.0));
+      std::uint32_t found = 0, culled = 0;
+      for (const DrawGroup& group : buffers.groups()) {
+        found += buffers.visible(group, frustum).drawn;
+        culled += buffers.visible(group, frustum).culled;
+      }
+      EXPECT_EQ(found, drawn) << "at " << time;
+      EXPECT_EQ(found + culled, 3U);
+      scene.settle();
+    }
+  }
+  device_->table().DestroyDescriptorSetLayout(device_->table().device, layout, nullptr);
+}
 
 TEST_F(AnimatedUpload, BentShapesTakeTurnsAndFramesAtOneTimeUploadNothing) {
   const VkDescriptorSetLayout layout = make_materials_layout(*device_);
-  const std::filesystem::path path =
-      std::filesystem::temp_directory_path() / ("heddle_animated_" + std::to_string(getpid()) + ".glb");
-  std::ofstream(path, std::ios::binary) << moving().glb();
-  Scene scene;
-  load_gltf(scene, path);
-  std::filesystem::remove(path);
+  Scene scene = load_moving();
   {
     SceneBuffers buffers(*device_, layout);
     const auto frame = [&](double time) {
