@@ -3,6 +3,7 @@
 
 #include "cli/session.hpp"
 #include "cli/stop.hpp"
+#include "cli/watch.hpp"
 #include "json.hpp"
 
 #include <fmt/format.h>
@@ -30,7 +31,7 @@ Output parse_output(const std::string& text) {
 struct RunArguments : RenderArguments {
   std::vector<std::string> outputs;
   std::string stats;
-  bool profile = false;
+  bool profile = false, watch = false;
   double time_step = 1.0 / 60.0;
 };
 
@@ -75,27 +76,9 @@ Json times_of(std::vector<double> frame_ms) {
   return times;
 }
 
-int run(RunArguments& arguments) {
-  arguments.sort_files();
-  // What a frame leaves to the next one comes round in the third.
-  if (arguments.host.check) arguments.frames = std::max(arguments.frames, 3);
-  const Owned<heddle_host> host = make_host(arguments.host);
-  const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
-  std::vector<Output> outputs;
-  for (const std::string& text : arguments.outputs) outputs.push_back(parse_output(text));
-  if (outputs.empty()) outputs.push_back({{}, "heddle.png"});
-  for (std::size_t i = 0; i < outputs.size(); ++i) {
-    for (std::size_t other = 0; other < i; ++other) {
-      if (outputs[i].file == outputs[other].file) {
-        throw Failure{HEDDLE_BAD_INPUT,
-                      fmt::format("error: two outputs were given the file '{}'", outputs[i].file.string())};
-      }
-    }
-  }
-  for (const Output& output : outputs) {
-    if (!output.port.empty()) check(host.get(), heddle_graph_keep(graph.get(), output.port.c_str()));
-  }
-  const Owned<heddle_scene> scene = load_scene(host.get(), arguments);
+/// All frames of the arguments, with their outputs and what is said of them.
+void render_frames(const RunArguments& arguments, heddle_host* host, heddle_graph* graph, heddle_scene* scene,
+                   const std::vector<Output>& outputs) {
   heddle_render_options options{};
   options.struct_size = sizeof options;
   options.seed = arguments.seed;
@@ -107,14 +90,14 @@ int run(RunArguments& arguments) {
     stop_if_asked();
     options.time = arguments.time + frame * arguments.time_step;
     options.flags = arguments.profile && is_last ? HEDDLE_RENDER_PROFILE : 0U;
-    check(host.get(), heddle_render(graph.get(), scene.get(), &options));
-    check(host.get(), heddle_stats(graph.get(), &text));
+    check(host, heddle_render(graph, scene, &options));
+    check(host, heddle_stats(graph, &text));
     frame_ms.push_back(parse_json(text)["wall_ms"].get<double>());
     for (const Output& output : outputs) {
       if (!is_last && !number_place(output.file.string())) continue;
       stop_if_asked();
       const std::filesystem::path file = frame_file(output.file, frame);
-      write_port(host.get(), graph.get(), output.port, file);
+      write_port(host, graph, output.port, file);
       say(arguments.host, fmt::format("wrote {}", file.string()));
     }
   }
@@ -148,6 +131,41 @@ int run(RunArguments& arguments) {
         fmt::format("{} frames: first {:.1f} ms; then median {:.1f} ms ({:.1f} to {:.1f})", arguments.frames,
                     parsed["run"]["first_ms"].get<double>(), parsed["run"]["median_ms"].get<double>(),
                     parsed["run"]["minimum_ms"].get<double>(), parsed["run"]["maximum_ms"].get<double>()));
+  if (arguments.watch) {
+    const Json& plan = parsed["plan"];
+    say(arguments.host, fmt::format("planned in {:.0f} ms: {} passes and {} pipelines made, {} and {} kept",
+                                    plan["wall_ms"].get<double>(), plan["passes_made"].get<int>(),
+                                    plan["pipelines_made"].get<int>(), plan["passes_kept"].get<int>(),
+                                    plan["pipelines_kept"].get<int>()));
+  }
+}
+
+int run(RunArguments& arguments) {
+  arguments.sort_files();
+  // What a frame leaves to the next one comes round in the third.
+  if (arguments.host.check) arguments.frames = std::max(arguments.frames, 3);
+  const Owned<heddle_host> host = make_host(arguments.host);
+  const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
+  std::vector<Output> outputs;
+  for (const std::string& text : arguments.outputs) outputs.push_back(parse_output(text));
+  if (outputs.empty()) outputs.push_back({{}, "heddle.png"});
+  for (std::size_t i = 0; i < outputs.size(); ++i) {
+    for (std::size_t other = 0; other < i; ++other) {
+      if (outputs[i].file == outputs[other].file) {
+        throw Failure{HEDDLE_BAD_INPUT,
+                      fmt::format("error: two outputs were given the file '{}'", outputs[i].file.string())};
+      }
+    }
+  }
+  for (const Output& output : outputs) {
+    if (!output.port.empty()) check(host.get(), heddle_graph_keep(graph.get(), output.port.c_str()));
+  }
+  Owned<heddle_scene> scene = load_scene(host.get(), arguments);
+  render_frames(arguments, host.get(), graph.get(), scene.get(), outputs);
+  if (arguments.watch) {
+    watch(host.get(), graph.get(), scene, arguments,
+          [&] { render_frames(arguments, host.get(), graph.get(), scene.get(), outputs); });
+  }
   return HEDDLE_OK;
 }
 
@@ -169,6 +187,9 @@ void add_run(CLI::App& app, int* exit_status) {
       "--stats", arguments->stats,
       "write counters, memory and times as JSON (of the last frame; \"run\": of all); - for standard output");
   command->add_flag("--profile", arguments->profile, "time the last frame stage by stage");
+  command->add_flag("--watch", arguments->watch,
+                    "stay, and render again when a file changes that the picture was made of: graphs, shaders, plugins, "
+                    "roles, scenes, images; on an error the last good picture stays");
   command->add_flag(
       "--check", arguments->host.check,
       "prove that barriers cover every hazard, and search every pass's outputs for NaN, Inf and values out "

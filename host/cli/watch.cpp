@@ -1,0 +1,119 @@
+// SPDX-License-Identifier: Apache-2.0
+// Looks at the files' times: a hundred of them five times a second cost nothing that is seen, and every editor and file
+// system takes part.
+#include "cli/watch.hpp"
+
+#include "cli/stop.hpp"
+#include "json.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <map>
+#include <set>
+#include <thread>
+
+namespace heddle::cli {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::chrono::milliseconds kPause{200};
+
+struct Stamp {
+  fs::file_time_type time;
+  std::uintmax_t size = 0;
+  bool operator==(const Stamp&) const = default;
+};
+using Stamps = std::map<fs::path, Stamp>;
+
+Stamps stamps_of(const std::set<fs::path>& files) {
+  Stamps stamps;
+  for (const fs::path& file : files) {
+    std::error_code error;
+    Stamp stamp;
+    stamp.time = fs::last_write_time(file, error);
+    if (error) stamp.time = fs::file_time_type::min();  // gone; or between two steps of an editor's saving
+    stamp.size = fs::file_size(file, error);
+    stamps.emplace(file, stamp);
+  }
+  return stamps;
+}
+
+std::set<fs::path> paths(const char* json) {
+  std::set<fs::path> files;
+  for (const Json& file : parse_json(json)) files.emplace(file.get<std::string>());
+  return files;
+}
+
+std::set<fs::path> graph_files(heddle_host* host, heddle_graph* graph) {
+  const char* text = nullptr;
+  check(host, heddle_graph_files(graph, &text));
+  return paths(text);
+}
+
+std::set<fs::path> scene_files(heddle_host* host, heddle_scene* scene, const RenderArguments& arguments) {
+  const char* text = nullptr;
+  check(host, heddle_scene_files(scene, &text));
+  std::set<fs::path> files = paths(text);
+  if (!arguments.environment.empty()) files.emplace(arguments.environment);
+  return files;
+}
+
+/// Returns when something differs from `before` and nothing moves any more: a compiler writes a library in many steps.
+Stamps wait_for_change(const std::set<fs::path>& files, const Stamps& before) {
+  Stamps last = before;
+  for (;;) {
+    std::this_thread::sleep_for(kPause);
+    stop_if_asked();
+    Stamps now = stamps_of(files);
+    if (now != before && now == last) return now;
+    last = std::move(now);
+  }
+}
+
+}  // namespace
+
+void watch(heddle_host* host, heddle_graph* graph, Owned<heddle_scene>& scene, const RenderArguments& arguments,
+           const std::function<void()>& render) {
+  std::set<fs::path> of_graph = graph_files(host, graph);
+  std::set<fs::path> of_scene = scene_files(host, scene.get(), arguments);
+  const auto all = [&] {
+    std::set<fs::path> files = of_graph;
+    files.insert(of_scene.begin(), of_scene.end());
+    return files;
+  };
+  Stamps before = stamps_of(all());
+  say(arguments.host, fmt::format("watching {} files; Ctrl-C ends", before.size()));
+  // What failed to be read is read again at the next change, whichever file that is.
+  bool is_graph_due = false, is_scene_due = false;
+  for (;;) {
+    const Stamps now = wait_for_change(all(), before);
+    for (const auto& [file, stamp] : now) {
+      const auto known = before.find(file);
+      if (known != before.end() && known->second == stamp) continue;
+      is_graph_due = is_graph_due || of_graph.contains(file);
+      is_scene_due = is_scene_due || of_scene.contains(file);
+      say(arguments.host, fmt::format("changed: {}", file.string()));
+    }
+    try {
+      if (is_scene_due) scene = load_scene(host, arguments);
+      is_scene_due = false;
+      if (is_graph_due) check(host, heddle_graph_reload(graph));
+      is_graph_due = false;
+      render();
+      of_graph = graph_files(host, graph);
+      of_scene = scene_files(host, scene.get(), arguments);
+    } catch (const Failure& failure) {
+      if (failure.status == HEDDLE_CANCELLED) throw;
+      fmt::print(stderr, "{}\n", failure.message);
+      say(arguments.host, "the last good picture stays; waiting for the next change");
+    }
+    // Files that came into the lists just now are as they were read; others as they were when the waiting ended.
+    before = now;
+    for (auto& [file, stamp] : stamps_of(all())) before.try_emplace(file, stamp);
+  }
+}
+
+}  // namespace heddle::cli
