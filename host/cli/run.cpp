@@ -161,11 +161,9 @@ int run(RunArguments& arguments) {
     if (!output.port.empty()) check(host.get(), heddle_graph_keep(graph.get(), output.port.c_str()));
   }
   Owned<heddle_scene> scene = load_scene(host.get(), arguments);
-  render_frames(arguments, host.get(), graph.get(), scene.get(), outputs);
-  if (arguments.watch) {
-    watch(host.get(), graph.get(), scene, arguments,
-          [&] { render_frames(arguments, host.get(), graph.get(), scene.get(), outputs); });
-  }
+  const auto render = [&] { render_frames(arguments, host.get(), graph.get(), scene.get(), outputs); };
+  if (arguments.watch) watch(host.get(), graph.get(), scene, arguments, render);
+  render();
   return HEDDLE_OK;
 }
 

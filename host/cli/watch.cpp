@@ -85,18 +85,9 @@ void watch(heddle_host* host, heddle_graph* graph, Owned<heddle_scene>& scene, c
     return files;
   };
   Stamps before = stamps_of(all());
-  say(arguments.host, fmt::format("watching {} files; Ctrl-C ends", before.size()));
   // What failed to be read is read again at the next change, whichever file that is.
   bool is_graph_due = false, is_scene_due = false;
-  for (;;) {
-    const Stamps now = wait_for_change(all(), before);
-    for (const auto& [file, stamp] : now) {
-      const auto known = before.find(file);
-      if (known != before.end() && known->second == stamp) continue;
-      is_graph_due = is_graph_due || of_graph.contains(file);
-      is_scene_due = is_scene_due || of_scene.contains(file);
-      say(arguments.host, fmt::format("changed: {}", file.string()));
-    }
+  const auto read_and_render = [&] {
     try {
       if (is_scene_due) scene = load_scene(host, arguments);
       is_scene_due = false;
@@ -108,8 +99,21 @@ void watch(heddle_host* host, heddle_graph* graph, Owned<heddle_scene>& scene, c
     } catch (const Failure& failure) {
       if (failure.status == HEDDLE_CANCELLED) throw;
       fmt::print(stderr, "{}\n", failure.message);
-      say(arguments.host, "the last good picture stays; waiting for the next change");
+      say(arguments.host, "waiting for the next change; what was written before stays");
     }
+  };
+  read_and_render();
+  say(arguments.host, fmt::format("watching {} files; Ctrl-C ends", before.size()));
+  for (;;) {
+    const Stamps now = wait_for_change(all(), before);
+    for (const auto& [file, stamp] : now) {
+      const auto known = before.find(file);
+      if (known != before.end() && known->second == stamp) continue;
+      is_graph_due = is_graph_due || of_graph.contains(file);
+      is_scene_due = is_scene_due || of_scene.contains(file);
+      say(arguments.host, fmt::format("changed: {}", file.string()));
+    }
+    read_and_render();
     // Files that came into the lists just now are as they were read; others as they were when the waiting ended.
     before = now;
     for (auto& [file, stamp] : stamps_of(all())) before.try_emplace(file, stamp);

@@ -150,6 +150,7 @@ PROTOTYPES = {
     "heddle_scene_use_camera": (c_int32, [c_void_p, c_uint32]),
     "heddle_scene_get_camera": (c_int32, [c_void_p, c_uint32, c_uint32, POINTER(Camera)]),
     "heddle_scene_describe": (c_int32, [c_void_p, _TEXT]),
+    "heddle_scene_files": (c_int32, [c_void_p, _TEXT]),
     "heddle_scene_use_animation": (c_int32, [c_void_p, c_uint32, c_uint32]),
     "heddle_scene_set_time": (c_int32, [c_void_p, c_double]),
     "heddle_scene_triangles": (c_int32, [c_void_p, POINTER(Triangles)]),
@@ -162,6 +163,8 @@ PROTOTYPES = {
     "heddle_graph_describe": (c_int32, [c_void_p, _TEXT]),
     "heddle_graph_keep": (c_int32, [c_void_p, c_char_p]),
     "heddle_graph_set": (c_int32, [c_void_p, c_char_p]),
+    "heddle_graph_reload": (c_int32, [c_void_p]),
+    "heddle_graph_files": (c_int32, [c_void_p, _TEXT]),
     "heddle_render": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions)]),
     "heddle_read": (c_int32, [c_void_p, c_char_p, c_uint32, c_uint32, POINTER(Image)]),
     "heddle_inspect": (

@@ -386,6 +386,12 @@ class Scene(_Object):
             "materials": array(found.materials, (triangles,), np.uint32),
         }
 
+    def files(self) -> list[str]:
+        """Paths of the files that were read for the scene, with those that they name."""
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_scene_files(self._handle, ctypes.byref(text)))
+        return json.loads(text.value.decode())
+
     def describe(self) -> dict:
         """Counts, bounds, names, animations and features."""
         text = ctypes.c_char_p()
@@ -494,6 +500,17 @@ class Graph(_Object):
         text = ctypes.c_char_p()
         self._check(_heddle.heddle_stats(self._handle, ctypes.byref(text)))
         return json.loads(text.value.decode())
+
+    def files(self) -> list[str]:
+        """Paths of the files that `reload` would read: graphs, roles, manifests, libraries, shaders."""
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_graph_files(self._handle, ctypes.byref(text)))
+        return json.loads(text.value.decode())
+
+    def reload(self) -> None:
+        """Reads again what changed on disk: the graph's files, roles, plugins and shaders. Settings hold; what did not
+        change goes on with all that it kept between frames. On an error the graph is as it was, its last frame included."""
+        self._check(_heddle.heddle_graph_reload(self._handle))
 
     def explain(self, format: str = "text", why: str | None = None) -> str:
         """What was decided and why: text, json or dot. why: of one pass: why it runs or does not, why it stands where it
