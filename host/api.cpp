@@ -710,14 +710,20 @@ heddle_status make_graph(heddle_host* host, const char* const* settings, uint32_
 
 heddle_status heddle_graph_load(heddle_host* host, const char* path, const char* const* settings,
                                 uint32_t setting_count, heddle_graph** out) {
-  return make_graph(host, settings, setting_count, out, [&] { return heddle::graph::read_graph(path); });
+  return make_graph(host, settings, setting_count, out, [&] {
+    heddle::graph::WrittenGraph written = heddle::graph::read_graph(path);
+    written.folder = std::filesystem::path(path).parent_path();
+    return written;
+  });
 }
 
 heddle_status heddle_graph_parse(heddle_host* host, const char* text, const char* name, const char* folder,
                                  const char* const* settings, uint32_t setting_count, heddle_graph** out) {
   return make_graph(host, settings, setting_count, out, [&] {
-    return heddle::graph::read_extended(heddle::graph::parse(text, name != nullptr ? name : "graph"),
-                                        text_or_empty(folder));
+    heddle::graph::WrittenGraph written = heddle::graph::read_extended(
+        heddle::graph::parse(text, name != nullptr ? name : "graph"), text_or_empty(folder));
+    written.folder = text_or_empty(folder);
+    return written;
   });
 }
 

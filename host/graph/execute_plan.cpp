@@ -94,7 +94,10 @@ void Executor::State::plan(const scene::Scene& planned_scene) {
   for (const PassIndex index : dependency_order(graph)) {
     PassState* pass = passes[index].get();
     if (pass == nullptr || pass->descriptor->prepare == nullptr) continue;
-    throw_if_failed(*pass, pass->descriptor->prepare(pass->object, &pass->api), "prepare");
+    pass->is_preparing = true;
+    const heddle_status status = pass->descriptor->prepare(pass->object, &pass->api);
+    pass->is_preparing = false;
+    throw_if_failed(*pass, status, "prepare");
   }
   compile_passes();
   is_planned = true;
@@ -339,6 +342,7 @@ void Executor::State::add_role(const Pass& caller, const std::string& role,
       provided.pass = provider.name;
       provided.technique = provider.entry.technique;
       provided.folder = provider.entry.manifest->folder;
+      provided.texts = passes[index]->texts;
       for (const Access& access : function->accesses) provided.ports.push_back(bound_port(provider, access));
       // Callees come first in the joined text.
       for (const std::string& callee : function->calls) add_role(provider, callee, roles);
@@ -355,6 +359,7 @@ vulkan::ShaderRequest Executor::State::shader_request(const PassState& state, co
   request.technique = pass.entry.technique;
   request.shader = &shader;
   request.folder = pass.entry.manifest->folder;
+  request.texts = state.texts;
   const Stage* stage = pass.entry.technique->find_stage(shader.stage);
   for (const Access& access : stage->accesses) request.ports.push_back(bound_port(pass, access));
   for (const std::string& role : shader.calls) add_role(pass, role, request.roles);

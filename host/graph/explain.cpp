@@ -291,6 +291,8 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
       Json& slot = entry["parameters"][parameter.name];
       if (parameter.type == ParameterType::kNames) {
         slot = value.names;
+      } else if (parameter.type == ParameterType::kText) {
+        slot = value.names.empty() ? "" : value.names.front();
       } else if (parameter.type == ParameterType::kBool) {
         slot = value.number[0] != 0;
       } else if (parameter.type == ParameterType::kChoice) {

@@ -45,6 +45,7 @@ class Resolver {
 
   ResolvedGraph run() {
     graph_.file = written_.file;
+    graph_.folder = written_.folder;
     read_extent();
     for (const auto& [key, value] : written_.params) presets_.values[key.name] = &value;
     find_passes();

@@ -257,10 +257,10 @@ help = "what is changed"
 Technique paint_dots() {
   Technique t = technique("paint/dots");
   t.ports = {port("radiance", PortType::kImage, Direction::kInout)};
-  t.parameters = {parameter("count", ParameterType::kInt, "1", 0, 100, 3),
-                  parameter("lights", ParameterType::kNames, "", 0, 0, 0),
-                  parameter("offset", ParameterType::kFloat3, "m", -1, 1, 0),
-                  parameter("free", ParameterType::kFloat, "s", 0, 0, 0)};
+  t.parameters = {
+      parameter("count", ParameterType::kInt, "1", 0, 100, 3), parameter("lights", ParameterType::kNames, "", 0, 0, 0),
+      parameter("offset", ParameterType::kFloat3, "m", -1, 1, 0),
+      parameter("free", ParameterType::kFloat, "s", 0, 0, 0), parameter("label", ParameterType::kText, "", 0, 0, 0)};
   t.stages = {{"paint", StageKind::kGpu, {touch("radiance", HEDDLE_ACCESS_STORAGE_READ_WRITE)}}};
   t.shaders = {shader("paint", ShaderKind::kCompute, "paint")};
   return t;

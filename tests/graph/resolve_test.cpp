@@ -201,12 +201,14 @@ TEST(Resolve, DependsOnProvidersAndWhatTheyRead) {
 TEST(Resolve, ReadsParametersOfEveryType) {
   const ResolvedGraph graph = with(
       "[[pass]]\nname = \"dots\"\nrole = \"paint\"\ntechnique = \"dots\"\nparams.count = 7\nparams.lights = [\"sun\", "
-      "\"lamp\"]\nparams.offset = [0, 0.5, -1]\nparams.free = -1e9\n");
+      "\"lamp\"]\nparams.offset = [0, 0.5, -1]\nparams.free = -1e9\n"
+      "params.label = \"a, b\"\n");
   const Pass& dots = find(graph, "dots");
   EXPECT_EQ(dots.parameters[0].number[0], 7);
   EXPECT_THAT(dots.parameters[1].names, ElementsAre("sun", "lamp"));
   EXPECT_THAT(dots.parameters[2].number, ElementsAre(0, 0.5, -1));
   EXPECT_EQ(dots.parameters[3].number[0], -1e9);
+  EXPECT_THAT(dots.parameters[4].names, ElementsAre("a, b"));
   const ResolvedGraph ao = with_settings({"ao.params.falloff=linear", "ao.params.denoise=false", "ao.params.radius=1"});
   EXPECT_EQ(find(ao, "ao").parameters[1].number[0], 1);
   EXPECT_EQ(find(ao, "ao").parameters[3].number[0], 0);
