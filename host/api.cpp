@@ -462,6 +462,13 @@ heddle_status heddle_doctor(heddle_host* host, const char** out_json) {
       }
       techniques.push_back(entry);
     }
+    for (const auto& [id, reason] : host->registry->left_out()) {
+      const std::string role = id.substr(0, id.find('/'));
+      techniques.push_back(Json{{"id", id},
+                                {"runs", false},
+                                {"problem", reason},
+                                {"instead", fmt::format("another technique of the role '{}', or none", role)}});
+    }
     report["techniques"] = techniques;
     host->doctor_text = write_json(report, 2);
     *out_json = host->doctor_text.c_str();

@@ -310,6 +310,10 @@ void PluginFolder::add(const Technique& technique) {
   write(folder_ / technique.role_name() / name / (name + ".manifest.json"), to_json(manifest));
 }
 
+void PluginFolder::leave_out(const std::string& id, const std::string& reason) {
+  write(folder_ / id / "left_out.txt", reason + "\n");
+}
+
 const Registry& shared_registry() {
   static const PluginFolder kFolder;
   static const Registry kRegistry = kFolder.registry();

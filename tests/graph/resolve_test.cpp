@@ -198,6 +198,18 @@ TEST(Resolve, DependsOnProvidersAndWhatTheyRead) {
   EXPECT_THAT(find(graph, "gbuffer").dependencies, IsEmpty());
 }
 
+TEST(Resolve, SaysWhyTheBuildLeftATechniqueOut) {
+  testing::PluginFolder folder;
+  folder.leave_out("display/calibrated", "this build has no Spectrometer: install libspectrometer-dev");
+  std::string text(kSmallGraph);
+  text.replace(text.find("linear"), 6, "calibrated");
+  EXPECT_EQ(message_of([&] { resolve_text(text, folder.registry()); }),
+            "test.toml:14:13: error: pass 'display': role 'display' has no technique 'calibrated'\n"
+            "  found:    technique = \"calibrated\"\n"
+            "  expected: one of none, linear\n"
+            "  help:     this build has no Spectrometer: install libspectrometer-dev");
+}
+
 TEST(Resolve, ReadsParametersOfEveryType) {
   const ResolvedGraph graph = with(
       "[[pass]]\nname = \"dots\"\nrole = \"paint\"\ntechnique = \"dots\"\nparams.count = 7\nparams.lights = [\"sun\", "
