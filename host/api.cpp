@@ -551,6 +551,13 @@ heddle_status heddle_doctor(heddle_host* host, const char** out_json) {
       }
       techniques.push_back(entry);
     }
+    for (const auto& [id, reason] : host->registry->left_out()) {
+      const std::string role = id.substr(0, id.find('/'));
+      techniques.push_back(Json{{"id", id},
+                                {"runs", false},
+                                {"problem", reason},
+                                {"instead", fmt::format("another technique of the role '{}', or none", role)}});
+    }
     report["techniques"] = techniques;
     host->doctor_text = write_json(report, 2);
     *out_json = host->doctor_text.c_str();
@@ -828,7 +835,9 @@ heddle_status make_graph(heddle_host* host, const char* const* settings, uint32_
 heddle_status heddle_graph_load(heddle_host* host, const char* path, const char* const* settings,
                                 uint32_t setting_count, heddle_graph** out) {
   return make_graph(host, settings, setting_count, out, [file = std::string(path)] {
-    return heddle::graph::read_graph(file, own_folder() / "graphs");
+    heddle::graph::WrittenGraph written = heddle::graph::read_graph(file, own_folder() / "graphs");
+    written.folder = std::filesystem::path(written.file).parent_path();
+    return written;
   });
 }
 
@@ -836,7 +845,10 @@ heddle_status heddle_graph_parse(heddle_host* host, const char* text, const char
                                  const char* const* settings, uint32_t setting_count, heddle_graph** out) {
   const std::string chosen = name != nullptr ? name : "graph";
   return make_graph(host, settings, setting_count, out, [text = std::string(text), chosen, at = text_or_empty(folder)] {
-    return heddle::graph::read_extended(heddle::graph::parse(text, chosen), at, own_folder() / "graphs");
+    heddle::graph::WrittenGraph written =
+        heddle::graph::read_extended(heddle::graph::parse(text, chosen), at, own_folder() / "graphs");
+    written.folder = at;
+    return written;
   });
 }
 

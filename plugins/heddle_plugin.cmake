@@ -19,6 +19,17 @@ function(heddle_plugin_contracts source output)
   set_property(GLOBAL PROPERTY HEDDLE_PLUGIN_CONTRACTS ${output})
 endfunction()
 
+# Instead of heddle_plugin(), where the build machine lacks what the technique needs: whoever asks for the technique is
+# told this reason.
+function(heddle_plugin_left_out reason)
+  cmake_path(GET CMAKE_CURRENT_SOURCE_DIR FILENAME technique)
+  cmake_path(GET CMAKE_CURRENT_SOURCE_DIR PARENT_PATH role_folder)
+  cmake_path(GET role_folder FILENAME role)
+  # What an earlier build made is gone with the library.
+  file(REMOVE_RECURSE ${HEDDLE_PLUGIN_OUTPUT}/${role}/${technique})
+  file(WRITE ${HEDDLE_PLUGIN_OUTPUT}/${role}/${technique}/left_out.txt "${reason}\n")
+endfunction()
+
 # HEDDLE_PLUGIN_OUTPUT says where; tests set it to build plugins that do not ship.
 function(heddle_plugin)
   cmake_parse_arguments(PARSE_ARGV 0 ARG "" "" "SOURCES;SHADERS;LIBRARIES")
@@ -26,6 +37,7 @@ function(heddle_plugin)
   cmake_path(GET CMAKE_CURRENT_SOURCE_DIR PARENT_PATH role_folder)
   cmake_path(GET role_folder FILENAME role)
   set(output ${HEDDLE_PLUGIN_OUTPUT}/${role}/${technique})
+  file(REMOVE ${output}/left_out.txt)
   set(version_script ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/plugin.version)
   get_property(contracts GLOBAL PROPERTY HEDDLE_PLUGIN_CONTRACTS)
   set(target ${role}_${technique})

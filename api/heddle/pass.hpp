@@ -187,6 +187,10 @@ constexpr heddle_parameter color(const char* name, const char* unit, double mini
 constexpr heddle_parameter names(const char* name, const char* help) {
   return parameter(name, "1", 0, 0, 0, help, HEDDLE_TYPE_NAMES);
 }
+/// A line of text, e.g. a file; read on the CPU.
+constexpr heddle_parameter text(const char* name, const char* help, std::uint32_t flags = 0) {
+  return parameter(name, "1", 0, 0, 0, help, HEDDLE_TYPE_TEXT, flags);
+}
 /// The parameter buys accuracy with time: `ladder` goes from cheap to accurate.
 template <std::size_t kCount>
 constexpr heddle_parameter knob(heddle_parameter p, const double (&ladder)[kCount]) {
@@ -389,6 +393,21 @@ class PassHost {
   [[nodiscard]] bool toggle(const char* name) const { return parameter(name) != 0.0; }
   [[nodiscard]] std::int32_t integer(const char* name) const { return static_cast<std::int32_t>(parameter(name)); }
   [[nodiscard]] std::uint32_t choice(const char* name) const { return static_cast<std::uint32_t>(parameter(name)); }
+
+  /// A parameter of type text, or one of the names of a list; "" if there is none.
+  [[nodiscard]] std::string text(const char* name, std::uint32_t index = 0) const {
+    const char* found = "";
+    host_->text(host_, name, index, &found);
+    return found;
+  }
+  /// Of a relative path: as seen from the graph's file.
+  [[nodiscard]] std::string resolve_path(const std::string& path) const {
+    return host_->resolve_path(host_, path.c_str());
+  }
+  /// In declare and prepare: what shaders include as "generated/NAME.glsl".
+  heddle_status set_text(const char* name, const std::string& glsl) const {
+    return host_->set_text(host_, name, glsl.c_str());
+  }
 
   /// In declare: the format of an out port; the rest stays as the descriptor says.
   heddle_status set_format(const char* port_name, VkFormat format) const {

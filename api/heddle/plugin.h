@@ -73,6 +73,7 @@ typedef struct heddle_port {
 #define HEDDLE_TYPE_COLOR 4u  /* three floats, linear Rec.709 */
 #define HEDDLE_TYPE_FLOAT3 5u
 #define HEDDLE_TYPE_NAMES 6u  /* a list of names (of lights, ...); not visible to shaders */
+#define HEDDLE_TYPE_TEXT 7u   /* a line of text, "" by default; not visible to shaders */
 
 #define HEDDLE_PARAMETER_KNOB 1u      /* buys accuracy with time: `ladder` goes from cheap to accurate */
 #define HEDDLE_PARAMETER_REDECLARE 2u /* a change needs declare and prepare again */
@@ -373,6 +374,21 @@ struct heddle_pass_host {
   VkImage (*image)(const heddle_pass_host* self, heddle_frame* frame, const char* port);
   VkImageView (*image_view)(const heddle_pass_host* self, heddle_frame* frame, const char* port);
   VkBuffer (*buffer)(const heddle_pass_host* self, heddle_frame* frame, const char* port);
+
+  /* ---- text ---- */
+  /* Number of strings of a parameter: a HEDDLE_TYPE_NAMES has any number, a HEDDLE_TYPE_TEXT one, others none. *out is
+   * string `index`, the host's, valid until the parameter changes or the pass is destroyed; untouched if there is none.
+   * [record-thread] */
+  uint32_t (*text)(const heddle_pass_host* self, const char* parameter, uint32_t index, const char** out);
+  /* The file that a path means: as it is if absolute, else relative to the folder of the graph's file (for a graph
+   * without a file: the folder that it was parsed for). The host's, valid until the next call. [main-thread] */
+  const char* (*resolve_path)(const heddle_pass_host* self, const char* path);
+  /* In declare and prepare: what this pass's shaders and functions include as "generated/NAME.glsl", e.g. made by a
+   * library that writes shaders. Copied; NULL takes it back. The technique's folder holds a file of that name, which
+   * stands in for the text when the build checks the shaders, and wherever none was set. The text declares no bindings
+   * and may include files of that folder and of plugins/shared. HEDDLE_BUG elsewhere, or if there is no such file.
+   * [main-thread] */
+  heddle_status (*set_text)(const heddle_pass_host* self, const char* name, const char* glsl);
 };
 
 /* ---- Technique ---------------------------------------------------------------------------------------------------- */

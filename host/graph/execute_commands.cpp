@@ -394,6 +394,47 @@ VkBuffer buffer_handle(const heddle_pass_host* self, heddle_frame*, const char* 
   return state == nullptr ? VK_NULL_HANDLE : state->buffer.handle();
 }
 
+std::uint32_t text(const heddle_pass_host* self, const char* name, std::uint32_t index, const char** out) {
+  const PassState& pass = state_of(self);
+  const Executor::State& executor = executor_of(pass);
+  const Technique& technique = executor.technique_of(pass);
+  for (std::size_t i = 0; i < technique.parameters.size(); ++i) {
+    const Parameter& parameter = technique.parameters[i];
+    if (parameter.name != name) continue;
+    const std::vector<std::string>& strings = executor.pass_of(pass).parameters[i].names;
+    const bool is_empty_text = parameter.type == ParameterType::kText && strings.empty();
+    if (index < strings.size()) *out = strings[index].c_str();
+    if (index == 0 && is_empty_text) *out = "";
+    return is_empty_text ? 1U : static_cast<std::uint32_t>(strings.size());
+  }
+  return 0;
+}
+
+const char* resolve_path(const heddle_pass_host* self, const char* path) {
+  PassState& pass = state_of(self);
+  pass.resolved_path = (executor_of(pass).graph.folder / path).lexically_normal().string();
+  return pass.resolved_path.c_str();
+}
+
+heddle_status set_text(const heddle_pass_host* self, const char* name, const char* glsl) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    if (!pass.is_declaring && !pass.is_preparing) return wrong(pass, "calls set_text outside of declare and prepare");
+    const std::string include = fmt::format("generated/{}.glsl", name);
+    const std::filesystem::path stand_in = executor_of(pass).pass_of(pass).entry.manifest->folder / include;
+    if (std::error_code ignored; !std::filesystem::is_regular_file(stand_in, ignored)) {
+      return wrong(pass,
+                   fmt::format("sets the text '{}' and has no file {} to stand in for it", include, stand_in.string()));
+    }
+    if (glsl == nullptr) {
+      pass.texts.erase(include);
+    } else {
+      pass.texts[include] = glsl;
+    }
+    return HEDDLE_OK;
+  });
+}
+
 const char* light_type_name(std::uint32_t type) {
   constexpr std::array<const char*, 10> kNames{"directional", "point", "spot", "sphere",    "capsule",
                                                "cone",        "wedge", "box",  "rectangle", "environment"};
@@ -427,6 +468,9 @@ void fill_pass_host(PassState& pass, const heddle_vulkan& table) {
   api.image = image;
   api.image_view = image_view;
   api.buffer = buffer_handle;
+  api.text = text;
+  api.resolve_path = resolve_path;
+  api.set_text = set_text;
 }
 
 VkExtent2D Executor::State::attachment_extent(const Pass& pass, const Stage& stage) const {

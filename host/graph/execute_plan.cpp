@@ -142,7 +142,10 @@ void Executor::State::plan(const std::vector<std::string>& features) {
       PassState* pass = passes[index].get();
       if (pass == nullptr || pass->is_prepared) continue;
       if (pass->descriptor->prepare != nullptr) {
-        throw_if_failed(*pass, pass->descriptor->prepare(pass->object, &pass->api), "prepare");
+        pass->is_preparing = true;
+        const heddle_status status = pass->descriptor->prepare(pass->object, &pass->api);
+        pass->is_preparing = false;
+        throw_if_failed(*pass, status, "prepare");
       }
       pass->is_prepared = true;
     }
@@ -229,6 +232,7 @@ void Executor::State::open_passes() {
 
 void Executor::State::create(PassState& pass) {
   pass.is_adopted = false;
+  pass.texts = {};
   if (pass.descriptor->create == nullptr) return;
   throw_if_failed(pass, pass.descriptor->create(&pass.api, &pass.object), "create");
 }
@@ -446,6 +450,7 @@ void Executor::State::add_role(const Pass& caller, const std::string& role,
       provided.pass = provider.name;
       provided.technique = provider.entry.technique;
       provided.folder = provider.entry.manifest->folder;
+      provided.texts = passes[index]->texts;
       for (const Access& access : function->accesses) provided.ports.push_back(bound_port(provider, access));
       // Callees come first in the joined text.
       for (const std::string& callee : function->calls) add_role(provider, callee, roles);
@@ -462,6 +467,7 @@ vulkan::ShaderRequest Executor::State::shader_request(const PassState& state, co
   request.technique = pass.entry.technique;
   request.shader = &shader;
   request.folder = pass.entry.manifest->folder;
+  request.texts = state.texts;
   const Stage* stage = pass.entry.technique->find_stage(shader.stage);
   for (const Access& access : stage->accesses) request.ports.push_back(bound_port(pass, access));
   for (const std::string& role : shader.calls) add_role(pass, role, request.roles);

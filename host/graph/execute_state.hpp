@@ -62,9 +62,12 @@ struct PassState {
   std::shared_ptr<Library> library;
   const heddle_technique* descriptor = nullptr;
   heddle_pass* object = nullptr;
-  bool is_declaring = false;
+  bool is_declaring = false;  // inside declare
+  bool is_preparing = false;  // inside prepare
   bool is_prepared = false;
   bool is_adopted = false;  // the object of an earlier plan
+  vulkan::GeneratedTexts texts;
+  std::string resolved_path;  // the last answer of resolve_path
   std::map<std::string, ShaderState, std::less<>> shaders;
   vulkan::Buffer parameters;
   vulkan::ParameterLayout layout;

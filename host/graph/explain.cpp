@@ -260,6 +260,8 @@ Json to_json(const Parameter& parameter, const ParameterValue& value) {
   switch (parameter.type) {
     case ParameterType::kNames:
       return value.names;
+    case ParameterType::kText:
+      return value.names.empty() ? "" : value.names.front();
     case ParameterType::kBool:
       return value.number[0] != 0;
     case ParameterType::kChoice:

@@ -62,6 +62,8 @@ std::string type_text(const Parameter& parameter) {
       return with_range("[x, y, z]");
     case ParameterType::kNames:
       return "an array of strings";
+    case ParameterType::kText:
+      return "a string";
   }
   return {};
 }
@@ -133,6 +135,12 @@ Complaint read_value(const Parameter& parameter, const Written& value, Parameter
           return {fmt::format("has {} among its names", type_name(element)), type_text(parameter), {}};
         out.names.push_back(text_of(element));
       }
+      return {};
+    }
+    case ParameterType::kText: {
+      const auto* text = std::get_if<std::string>(&value.value);
+      if (text == nullptr) return wrong_type(parameter, value);
+      out.names = {*text};
       return {};
     }
   }

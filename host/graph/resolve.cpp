@@ -49,6 +49,7 @@ class Resolver {
 
   ResolvedGraph run() {
     graph_.file = written_.file;
+    graph_.folder = written_.folder;
     read_extent();
     for (const auto& [key, value] : written_.params) presets_.values[key.name] = &value;
     find_passes();
@@ -124,10 +125,11 @@ class Resolver {
       } else if (entry.technique = registry_.find(role + "/" + technique); entry.technique.technique == nullptr) {
         std::vector<std::string> names = registry_.technique_names(role);
         names.insert(names.begin(), "none");
+        const auto left_out = registry_.left_out().find(role + "/" + technique);
         problems_.add(written.technique.where,
                       fmt::format("pass '{}': role '{}' has no technique '{}'", entry.name(), role, technique),
                       "technique = " + to_toml(written.technique), "one of " + join_names(names),
-                      did_you_mean(technique, names));
+                      left_out == registry_.left_out().end() ? did_you_mean(technique, names) : left_out->second);
       } else {
         entry.fate = Entry::Fate::kPresent;
         entry.pass = static_cast<PassIndex>(graph_.passes.size());

@@ -48,6 +48,8 @@ Json value_schema(const Parameter& parameter) {
       return {{"type", "array"}, {"items", number_schema(parameter, "number")}, {"minItems", 3}, {"maxItems", 3}};
     case ParameterType::kNames:
       return {{"type", "array"}, {"items", {{"type", "string"}}}};
+    case ParameterType::kText:
+      return {{"type", "string"}};
   }
   return {};
 }

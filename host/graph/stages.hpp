@@ -51,6 +51,7 @@ struct RemovedPass {
 struct WrittenGraph {
   std::string file;
   std::vector<std::string> files;  // that were read for it: this one and what it extends
+  std::filesystem::path folder;  // where paths in parameters start from
   std::optional<Written> extends;
   std::optional<Written> extent;                       // [w, h]
   std::optional<Written> output;                       // "display.color"
@@ -81,7 +82,7 @@ using PassIndex = std::uint32_t;
 using ResourceIndex = std::uint32_t;
 inline constexpr std::uint32_t kNoIndex = 0xffffffffU;
 
-/// A parameter's value: numbers, or names for ParameterType::kNames.
+/// A parameter's value: numbers, or strings for ParameterType::kNames and kText (one, or none for the default "").
 struct ParameterValue {
   std::array<double, 3> number{0, 0, 0};
   std::vector<std::string> names;
@@ -147,6 +148,7 @@ struct GraphLoop {
 
 struct ResolvedGraph {
   std::string file;
+  std::filesystem::path folder;
   std::uint32_t width = 0, height = 0;
   ResourceIndex output = kNoIndex;
   std::vector<Pass> passes;  // file order

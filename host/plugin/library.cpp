@@ -172,7 +172,11 @@ Library::Library(const Manifest& manifest) : state_(std::make_unique<State>()) {
     std::string reason = dlerror();
     // The copy's name means nothing to people.
     if (reason.starts_with(copy.path() + ": ")) reason.erase(0, copy.path().size() + 2);
-    throw failure(manifest.library, HEDDLE_FAILED, "cannot load this library", reason);
+    std::string help;
+    if (reason.find("cannot open shared object file") != std::string::npos) {
+      help = "install the library that is named, or build again: what this machine lacks is then left out";
+    }
+    throw failure(manifest.library, HEDDLE_FAILED, "cannot load this library", reason, {}, help);
   }
   const auto entry = reinterpret_cast<heddle_entry_function>(dlsym(state.handle, "heddle_entry"));
   if (entry == nullptr) {

@@ -23,7 +23,8 @@ constexpr std::array<std::string_view, 4> kPortTypes{"image", "buffer", "value",
 constexpr std::array<std::string_view, 3> kDirections{"in", "out", "inout"};
 constexpr std::array<std::string_view, 4> kPortFlags{"optional", "kept", "cube", "rewritten"};
 constexpr std::array<std::string_view, 2> kExtentRules{"frame", "absolute"};
-constexpr std::array<std::string_view, 7> kParameterTypes{"float", "int", "bool", "choice", "color", "float3", "names"};
+constexpr std::array<std::string_view, 8> kParameterTypes{"float", "int",    "bool",  "choice",
+                                                          "color", "float3", "names", "text"};
 constexpr std::array<std::string_view, 3> kParameterFlags{"knob", "redeclare", "constant"};
 constexpr std::array<std::string_view, 2> kStageKinds{"gpu", "cpu"};
 constexpr std::array<std::string_view, 15> kAccesses{

@@ -60,6 +60,19 @@ std::vector<Manifest> read_manifests(const fs::path& role_folder) {
   return manifests;
 }
 
+/// Techniques of a role that the build could not make, and why.
+std::map<std::string, std::string, std::less<>> read_left_out(const fs::path& role_folder) {
+  std::map<std::string, std::string, std::less<>> reasons;
+  for (const fs::path& technique_folder : sorted_entries(role_folder)) {
+    const fs::path file = technique_folder / "left_out.txt";
+    if (!fs::is_regular_file(file)) continue;
+    std::string reason = read_text(file);
+    reason.erase(reason.find_last_not_of(" \n") + 1);
+    reasons.emplace(role_folder.filename().string() + "/" + technique_folder.filename().string(), reason);
+  }
+  return reasons;
+}
+
 /// Compares a technique with the contracts of the roles that it names, and takes from them what it left open.
 class Contract {
  public:
@@ -197,7 +210,10 @@ Registry::Registry(std::vector<std::filesystem::path> folders) : folders_(std::m
       }
       contract.finish();
     }
+    left_out_.merge(read_left_out(folder));
   }
+  // What another folder brings is there.
+  std::erase_if(left_out_, [&](const auto& entry) { return techniques_.contains(entry.first); });
 }
 
 Registry::Stamp Registry::stamp_of(const fs::path& library) {

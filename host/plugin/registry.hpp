@@ -34,7 +34,8 @@ struct TechniqueEntry {
 class Registry {
  public:
   /// `folders`: each holds <role>/role.toml, <role>/<technique>/ with shaders, a library and its .manifest.json, and
-  /// shared/. A technique found in two folders: the first wins. Throws Error naming a broken file.
+  /// shared/. A technique found in two folders: the first wins. A folder <role>/<technique>/ with left_out.txt in place
+  /// of a library: the build could not make it, for the reason in that file. Throws Error naming a broken file.
   explicit Registry(std::vector<std::filesystem::path> folders);
 
   [[nodiscard]] const std::map<std::string, Role, std::less<>>& roles() const { return roles_; }
@@ -43,6 +44,8 @@ class Registry {
   [[nodiscard]] TechniqueEntry find(std::string_view id) const;
   [[nodiscard]] std::vector<const Technique*> techniques() const;                       // sorted by id
   [[nodiscard]] std::vector<std::string> technique_names(std::string_view role) const;  // without the role, sorted
+  /// Techniques that their build had to leave out, by id, and why.
+  [[nodiscard]] const std::map<std::string, std::string, std::less<>>& left_out() const { return left_out_; }
   /// Folders with shared GLSL ("shared/" of each plugin folder), in order of search.
   [[nodiscard]] std::span<const std::filesystem::path> shared_folders() const { return shared_folders_; }
 
@@ -68,6 +71,7 @@ class Registry {
   std::vector<std::unique_ptr<Manifest>> manifests_;   // as the libraries describe themselves
   std::vector<std::unique_ptr<Technique>> completed_;  // the same, with what their roles add
   std::map<std::string, TechniqueEntry, std::less<>> techniques_;
+  std::map<std::string, std::string, std::less<>> left_out_;
   std::vector<std::filesystem::path> shared_folders_;
   std::map<const Manifest*, std::weak_ptr<Library>> open_;
   std::map<const Manifest*, Stamp> stamps_;

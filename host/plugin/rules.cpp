@@ -190,7 +190,7 @@ class Rules {
     check_name("parameter", parameter.name, parameter_names_);
     const std::string what = fmt::format("parameter '{}'", parameter.name);
     check_flags(what, parameter.flags, HEDDLE_PARAMETER_KNOB | HEDDLE_PARAMETER_REDECLARE | HEDDLE_PARAMETER_CONSTANT);
-    if (!check_choice(what, "type", static_cast<std::uint32_t>(parameter.type), HEDDLE_TYPE_NAMES)) return;
+    if (!check_choice(what, "type", static_cast<std::uint32_t>(parameter.type), HEDDLE_TYPE_TEXT)) return;
     if (std::isnan(parameter.minimum) || std::isnan(parameter.maximum) || parameter.minimum > parameter.maximum) {
       complain(what + ": the range is empty", fmt::format("{} to {}", parameter.minimum, parameter.maximum),
                "minimum <= maximum; equal: unbounded");

@@ -20,7 +20,7 @@ enum class PortType : std::uint32_t { kImage, kBuffer, kValue, kSurfaces };  // 
 enum class Direction : std::uint32_t { kIn, kOut, kInout };                  // = HEDDLE_IN ...
 enum class StageKind : std::uint32_t { kGpu, kCpu };                         // = HEDDLE_STAGE_*
 enum class ShaderKind : std::uint32_t { kCompute, kFullscreen, kSurfaces };  // = HEDDLE_SHADER_*
-enum class ParameterType : std::uint32_t { kFloat, kInt, kBool, kChoice, kColor, kFloat3, kNames };  // = HEDDLE_TYPE_*
+enum class ParameterType : std::uint32_t { kFloat, kInt, kBool, kChoice, kColor, kFloat3, kNames, kText };
 enum class Join : std::uint8_t { kSwitch, kSum, kProduct };
 
 // ---- from role.toml ----
@@ -114,7 +114,7 @@ struct Parameter {
   [[nodiscard]] bool is_knob() const { return (flags & HEDDLE_PARAMETER_KNOB) != 0; }
   [[nodiscard]] std::uint32_t components() const {
     return type == ParameterType::kColor || type == ParameterType::kFloat3 ? 3U
-           : type == ParameterType::kNames                                 ? 0U
+           : type == ParameterType::kNames || type == ParameterType::kText ? 0U
                                                                            : 1U;
   }
   bool operator==(const Parameter&) const = default;

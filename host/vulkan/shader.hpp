@@ -25,12 +25,17 @@ struct BoundPort {
   std::uint32_t blend = 0;  // HEDDLE_BLEND_*
 };
 
+/// Texts that a pass made while it ran, by what includes call them: "generated/NAME.glsl". Each takes the place of the
+/// file of that name in the technique's folder.
+using GeneratedTexts = std::map<std::string, std::string, std::less<>>;
+
 /// One provider of a role's functions for one caller.
 struct ProviderRequest {
   std::string pass;  // name of the pass, for messages and as suffix of names
   const Technique* technique = nullptr;
   std::filesystem::path folder;  // of the technique's shaders
   std::vector<BoundPort> ports;  // of the function's accesses
+  GeneratedTexts texts;
 };
 
 struct RoleRequest {
@@ -49,6 +54,7 @@ struct ShaderRequest {
   // Every role that the shader or a provider of it calls, callees first (a provider's own calls are flattened in).
   std::vector<RoleRequest> roles;
   std::vector<std::filesystem::path> shared_folders;  // <heddle/records.h> and plugins/shared are found from here
+  GeneratedTexts texts;
 };
 
 /// Where a binding's content comes from.

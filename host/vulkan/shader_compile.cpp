@@ -117,10 +117,27 @@ std::string tidy(std::string message) {
 std::string owner_of(const std::string& file, const JoinedText& join) {
   for (const Provider& provider : join.providers) {
     for (const auto& [name, text] : provider.texts) {
-      if ((provider.request->folder / name).lexically_normal().string() == file) return describe(provider);
+      if (name_of(provider, name) == file) return describe(provider);
     }
   }
   return describe(*join.request);
+}
+
+// A line of a text that a pass made: there is no file to look it up in.
+std::string line_of(const JoinedText& join, const Location& where) {
+  const std::string* text = nullptr;
+  const auto look = [&](const GeneratedTexts& texts) {
+    const auto found = texts.find(where.file);
+    if (text == nullptr && found != texts.end()) text = &found->second;
+  };
+  look(join.request->texts);
+  for (const Provider& provider : join.providers) look(provider.request->texts);
+  if (text == nullptr) return {};
+  std::size_t start = 0;
+  for (std::uint32_t line = 1; line < where.line && start < text->size(); ++line) start = text->find('\n', start) + 1;
+  std::string found = text->substr(start, text->find('\n', start) - start);
+  found.erase(0, found.find_first_not_of(" \t"));
+  return found;
 }
 
 // "file:line: error: message" of shaderc, one a line.
@@ -147,6 +164,10 @@ std::vector<Diagnostic> diagnostics_of(const std::string& messages, const Joined
         diagnostic.where.file.starts_with("role/")) {
       diagnostic.help =
           "this text is written by the host, from the descriptors of ports and parameters and from role.toml";
+    }
+    if (diagnostic.where.file.starts_with("generated/")) {
+      diagnostic.found = line_of(join, diagnostic.where);
+      diagnostic.help = "the technique made this text while it ran: it is a mistake of the technique, not of the graph";
     }
     // What the compiler says next about the same line follows from the first.
     const bool is_new = std::none_of(out.begin(), out.end(), [&](const Diagnostic& earlier) {

@@ -30,6 +30,7 @@ const char* glsl_type(ParameterType type) {
     case ParameterType::kFloat3:
       return "vec3";
     case ParameterType::kNames:
+    case ParameterType::kText:
       break;
   }
   return "";

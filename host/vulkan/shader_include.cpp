@@ -43,11 +43,11 @@ const SourceFile* SourceSet::find(std::string_view requested, std::string_view r
       const Provider& provider = join_.providers[index];
       const std::string own(parsed.ptr + 1, end);
       if (const auto text = provider.texts.find(own); text != provider.texts.end()) {
-        const std::string place = (provider.request->folder / own).lexically_normal().string();
-        return &files_.try_emplace(name, SourceFile{place, text->second}).first->second;
+        return &files_.try_emplace(name, SourceFile{name_of(provider, own), text->second}).first->second;
       }
     }
   }
+  if (const auto made = request.texts.find(name); made != request.texts.end()) return generated(name, made->second);
   if (requester == kMainName && name.starts_with("caller/")) return file(request.folder / name.substr(7));
 
   const fs::path folder = request.folder.lexically_normal();
@@ -55,7 +55,8 @@ const SourceFile* SourceSet::find(std::string_view requested, std::string_view r
   std::vector<fs::path> places;
   if (!beside.empty() && fs::path(requester).is_absolute() == folder.is_absolute()) places.push_back(beside);
   const std::string below = beside.lexically_relative(folder).generic_string();
-  if (!request.folder.empty() && !below.empty() && !below.starts_with("..")) places.push_back(folder);
+  const bool is_own = request.texts.contains(requester) || (!below.empty() && !below.starts_with(".."));
+  if (!request.folder.empty() && is_own) places.push_back(folder);
   places.insert(places.end(), request.shared_folders.begin(), request.shared_folders.end());
   for (const fs::path& place : places) {
     if (const SourceFile* found = file(place / name)) return found;

@@ -97,8 +97,11 @@ class Joiner {
   void read_own_file(Provider& provider, const std::string& name, const fs::path* includer, std::uint32_t line) {
     std::map<std::string, OwnFile>& files = own_files_.back();
     if (files.contains(name)) return;
-    const fs::path path = provider.request->folder / name;
-    std::optional<std::string> text = read_file(path);
+    const auto made = provider.request->texts.find(name);
+    const bool is_made = made != provider.request->texts.end();
+    // Messages name a text that the pass made as includes do: nobody finds their lines in the file.
+    const fs::path path = is_made ? fs::path(name) : provider.request->folder / name;
+    std::optional<std::string> text = is_made ? made->second : read_file(path);
     if (!text) {
       complain(includer != nullptr ? *includer : path,
                {line, fmt::format("the file '{}' of {} cannot be read", name, describe(provider)), "", "", ""});
@@ -251,8 +254,13 @@ class Joiner {
       return;
     }
     caller_text_ = *text;
-    const Scan facts = scan(caller_text_);
-    const std::string who = describe(request);
+    check_caller_text(path, caller_text_);
+    for (const auto& [name, made] : request.texts) check_caller_text(name, made);
+  }
+
+  void check_caller_text(const fs::path& path, const std::string& text) {
+    const Scan facts = scan(text);
+    const std::string who = describe(*join_.request);
     for (const Problem& problem : facts.problems) {
       Problem named = problem;
       named.message = fmt::format("{}: {}", who, problem.message);
@@ -479,6 +487,11 @@ std::string describe(const ShaderRequest& request) {
 std::string describe(const Provider& provider) {
   return fmt::format("function '{}' of pass '{}' ({})", provider.role->name, provider.request->pass,
                      provider.request->technique->id);
+}
+
+std::string name_of(const Provider& provider, const std::string& file) {
+  if (provider.request->texts.contains(file)) return file;
+  return (provider.request->folder / file).lexically_normal().string();
 }
 
 std::optional<std::string> read_file(const std::filesystem::path& file) {

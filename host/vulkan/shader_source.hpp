@@ -79,6 +79,8 @@ std::string test_caller(const Role& role);
 /// "shader 'light' of pass 'deferred'", "function 'shadow' of pass 'sun' (shadow/shadow_map)".
 std::string describe(const ShaderRequest& request);
 std::string describe(const Provider& provider);
+/// How messages name a text below the provider's folder: the file, or "generated/NAME.glsl" of a text that it made.
+std::string name_of(const Provider& provider, const std::string& file);
 /// Whole file; nothing if it cannot be read.
 std::optional<std::string> read_file(const std::filesystem::path& file);
 

@@ -21,6 +21,12 @@ vec3 position_view_from_depth(HeddleView view, vec2 raster_px, float depth) {
   return vec3(view.is_orthographic != 0u ? offset : offset * depth, -depth);
 }
 
+// The inverse. Where a perspective view has position_view.z >= 0 the point is behind the camera and has no place.
+vec2 raster_from_view(HeddleView view, vec3 position_view) {
+  float scale = view.is_orthographic != 0u ? 1.0 : -1.0 / position_view.z;
+  return raster_from_ndc(view, position_view.xy * scale / vec2(view.half_size.x, -view.half_size.y));
+}
+
 // Not for background: Inf has no position.
 vec3 position_rel_from_depth(HeddleView view, vec2 raster_px, float depth) {
   return (view.rel_from_view * vec4(position_view_from_depth(view, raster_px, depth), 1.0)).xyz;

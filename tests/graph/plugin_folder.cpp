@@ -294,10 +294,10 @@ help = "what is changed"
 Technique paint_dots() {
   Technique t = technique("paint/dots");
   t.ports = {port("radiance", PortType::kImage, Direction::kInout)};
-  t.parameters = {parameter("count", ParameterType::kInt, "1", 0, 100, 3),
-                  parameter("lights", ParameterType::kNames, "", 0, 0, 0),
-                  parameter("offset", ParameterType::kFloat3, "m", -1, 1, 0),
-                  parameter("free", ParameterType::kFloat, "s", 0, 0, 0)};
+  t.parameters = {
+      parameter("count", ParameterType::kInt, "1", 0, 100, 3), parameter("lights", ParameterType::kNames, "", 0, 0, 0),
+      parameter("offset", ParameterType::kFloat3, "m", -1, 1, 0),
+      parameter("free", ParameterType::kFloat, "s", 0, 0, 0), parameter("label", ParameterType::kText, "", 0, 0, 0)};
   t.stages = {{"paint", StageKind::kGpu, {touch("radiance", HEDDLE_ACCESS_STORAGE_READ_WRITE)}}};
   t.shaders = {shader("paint", ShaderKind::kCompute, "paint")};
   return t;
@@ -345,6 +345,10 @@ void PluginFolder::add(const Technique& technique) {
   manifest.abi_minor = HEDDLE_ABI_MINOR;
   manifest.techniques = {technique};
   write(folder_ / technique.role_name() / name / (name + ".manifest.json"), to_json(manifest));
+}
+
+void PluginFolder::leave_out(const std::string& id, const std::string& reason) {
+  write(folder_ / id / "left_out.txt", reason + "\n");
 }
 
 const Registry& shared_registry() {

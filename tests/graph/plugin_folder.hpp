@@ -19,6 +19,8 @@ class PluginFolder {
   void add_role(const std::string& name, const std::string& text);
   /// Writes <role>/<technique>/<technique>.manifest.json.
   void add(const Technique& technique);
+  /// Writes <role>/<technique>/left_out.txt.
+  void leave_out(const std::string& id, const std::string& reason);
   [[nodiscard]] Registry registry() const { return Registry({folder_}); }
   [[nodiscard]] const std::filesystem::path& path() const { return folder_; }
 

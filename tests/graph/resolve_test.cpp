@@ -223,15 +223,29 @@ TEST(Resolve, DependsOnProvidersAndWhatTheyRead) {
   EXPECT_THAT(find(graph, "gbuffer").dependencies, IsEmpty());
 }
 
+TEST(Resolve, SaysWhyTheBuildLeftATechniqueOut) {
+  testing::PluginFolder folder;
+  folder.leave_out("display/calibrated", "this build has no Spectrometer: install libspectrometer-dev");
+  std::string text(kSmallGraph);
+  text.replace(text.find("linear"), 6, "calibrated");
+  EXPECT_EQ(message_of([&] { resolve_text(text, folder.registry()); }),
+            "test.toml:14:13: error: pass 'display': role 'display' has no technique 'calibrated'\n"
+            "  found:    technique = \"calibrated\"\n"
+            "  expected: one of none, linear\n"
+            "  help:     this build has no Spectrometer: install libspectrometer-dev");
+}
+
 TEST(Resolve, ReadsParametersOfEveryType) {
   const ResolvedGraph graph = with(
       "[[pass]]\nname = \"dots\"\nrole = \"paint\"\ntechnique = \"dots\"\nparams.count = 7\nparams.lights = [\"sun\", "
-      "\"lamp\"]\nparams.offset = [0, 0.5, -1]\nparams.free = -1e9\n");
+      "\"lamp\"]\nparams.offset = [0, 0.5, -1]\nparams.free = -1e9\n"
+      "params.label = \"a, b\"\n");
   const Pass& dots = find(graph, "dots");
   EXPECT_EQ(dots.parameters[0].number[0], 7);
   EXPECT_THAT(dots.parameters[1].names, ElementsAre("sun", "lamp"));
   EXPECT_THAT(dots.parameters[2].number, ElementsAre(0, 0.5, -1));
   EXPECT_EQ(dots.parameters[3].number[0], -1e9);
+  EXPECT_THAT(dots.parameters[4].names, ElementsAre("a, b"));
   const ResolvedGraph ao = with_settings({"ao.params.falloff=linear", "ao.params.denoise=false", "ao.params.radius=1"});
   EXPECT_EQ(find(ao, "ao").parameters[1].number[0], 1);
   EXPECT_EQ(find(ao, "ao").parameters[3].number[0], 0);

@@ -61,13 +61,6 @@ float occlusion_weight(uint falloff, float distance_squared, float radius) {
   return falloff == 0u ? inside : inside * (1.0 - d / radius);
 }
 
-// Bends normals that interpolation turned away from the eye until they are seen edge-on.
-vec3 face_viewer(vec3 n, vec3 v) {
-  const float kEdgeOn = 1e-3;
-  float n_v = dot(n, v);
-  return n_v < kEdgeOn ? normalize(n + v * (kEdgeOn - n_v)) : n;
-}
-
 // 0 .. 15, each once in every 4x4 pixels and spread in every 2x2: Bayer's ordered dither matrix (Bayer 1973).
 uint tile_index(ivec2 pixel) {
   uvec2 p = uvec2(pixel) & 3u;

@@ -10,16 +10,12 @@
 #include "pass.glsl"
 #include "octahedral.glsl"
 #include "view.glsl"
+#include "facing.glsl"
 #include "gtao.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 
 const float kGoldenRatio = 0.61803398875;  // fraction of the golden ratio: spreads any number of shifts evenly
-
-vec2 raster_from_view(vec3 position_view) {
-  float scale = camera.is_orthographic != 0u ? 1.0 : -1.0 / position_view.z;
-  return raster_from_ndc(camera, position_view.xy * scale / vec2(camera.half_size.x, -camera.half_size.y));
-}
 
 // How far along t, which is normal to the line of sight, a point must go to project as far as anything within the
 // radius does: to the tangent from the eye to that circle. At most five radii, and never past the eye.
@@ -39,7 +35,7 @@ vec2 clip_to_image(vec2 start, vec2 delta, vec2 size) {
 // Weighted, occluded arc of one side.
 float march(vec2 center, vec3 position, vec3 n, vec3 v, vec3 t, float n_v, float offset, ivec2 size) {
   float n_t = dot(n, t);
-  vec2 end = raster_from_view(position + t * reach_along(t, position, params.radius));
+  vec2 end = raster_from_view(camera, position + t * reach_along(t, position, params.radius));
   vec2 delta = clip_to_image(center, end - center, vec2(size));
   float length_px = length(delta);
   vec2 direction = delta / max(length_px, 1.0);

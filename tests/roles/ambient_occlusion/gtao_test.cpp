@@ -14,6 +14,7 @@
 namespace glsl {
 using namespace glm;
 #include "ambient_occlusion/gtao/gtao.glsl"
+#include "shared/facing.glsl"
 }  // namespace glsl
 
 namespace {

@@ -59,6 +59,42 @@ Shape ball(const dvec3& center, double radius, int level, bool is_inward = false
   return shape;
 }
 
+/// What ssao converges to at the point (0, 0, -1) of the unit sphere, seen from (0, 0, eye) along -Z with a square
+/// image of this half angle: it counts points around the surface point that the image shows something in front of, in
+/// the wide set or the tight one of a quarter of the radius; points behind the eye or beyond the border are open.
+double sampled_visibility_in_a_sphere(double eye, double half_angle, double radius) {
+  // The limiter: a quarter of the image's height.
+  const double most_radius = 0.25 * 2.0 * std::tan(half_angle) * (eye + 1.0);
+  const auto occlusion = [&](double wanted, double range) {
+    const double r = std::min(wanted, most_radius);
+    int closed = 0;
+    constexpr int kHeights = 400, kAzimuths = 64, kLengths = 50;
+    for (int i = 0; i < kHeights; ++i) {
+      for (int j = 0; j < kAzimuths; ++j) {
+        for (int k = 0; k < kLengths; ++k) {
+          const double z = (i + 0.5) / kHeights;
+          const double phi = 2.0 * std::numbers::pi * (j + 0.5) / kAzimuths;
+          const double length = r * (0.5 + 0.5 * (k + 0.5) / kLengths);
+          const double s = std::sqrt(1.0 - z * z);
+          const dvec3 p = dvec3(0, 0, -1) + length * dvec3(s * std::cos(phi), s * std::sin(phi), z);
+          const double depth = eye - p.z;
+          if (depth <= 0.01) continue;
+          const double most = std::max(std::abs(p.x), std::abs(p.y)) / depth;
+          if (most > std::tan(half_angle)) continue;
+          // The sphere along the line of sight: eye + t d.
+          const dvec3 d = glm::normalize(p - dvec3(0, 0, eye));
+          const double b = eye * d.z;
+          const double t = -b + std::sqrt(b * b + 1.0 - eye * eye);
+          const double behind = depth + t * d.z;
+          closed += behind > 0.0 && behind <= range * r ? 1 : 0;
+        }
+      }
+    }
+    return static_cast<double>(closed) / (kHeights * kAzimuths * kLengths);
+  };
+  return 1.0 - std::max(occlusion(radius, 1.5), occlusion(0.25 * radius, 3.0));
+}
+
 /// A floor, two walls and a ball: corners, contact, a silhouette in front of a wall, and no background.
 std::vector<Shape> corner() {
   return {rendering::flat(shapes::quad({0, 0, 0}, {4, 0, 0}, {0, 0, -4})),
@@ -109,6 +145,11 @@ TEST_P(HardCases, H2InsideAClosedSphereSmallerThanTheRadiusEverythingIsClosed) {
   expect_in_range(image);
   if (!sees_only_the_image(GetParam())) {
     EXPECT_EQ(image.greatest(), 0.0F);
+    return;
+  }
+  if (GetParam() == "ssao") {
+    // 16 points, 4 of them tight, over a tile of 16 pixels: a standard deviation of sqrt(0.25 / 64) at most.
+    EXPECT_NEAR(image.at(kSize / 2, kSize / 2), sampled_visibility_in_a_sphere(eye, half_angle, 4.0), 0.06);
     return;
   }
   // The middle of the image is (0, 0, -1). The border of the image shows the sphere's points of this polar angle around
@@ -295,6 +336,48 @@ TEST(AmbientOcclusion, GtaoApproachesTheReferenceAsItsKnobsRise) {
       errors.push_back(error);
     }
     EXPECT_LT(errors.back(), 0.6 * errors.front());
+  }
+}
+
+TEST(AmbientOcclusion, SsaoApproachesItsLimitAndTheReferenceAsItsKnobsRise) {
+  Scene scene;
+  for (const Shape& shape : corner()) {
+    scene.add(shape);
+  }
+  scene.look(kCornerCamera);
+  for (const char* falloff : {"none", "linear"}) {
+    const std::string params = std::string("params.radius = 0.7\nparams.falloff = \"") + falloff + "\"\n";
+    Graph reference("ray_traced", kSize, params + "params.samples = 1024");
+    const Image truth = reference.render(scene);
+    Graph unbounded("ssao", kSize,
+                    params +
+                        "params.points = 4096\nparams.randomize = \"rotate\"\nparams.tile = 1\n"
+                        "params.blur_passes = 0");
+    const Image limit = unbounded.render(scene);
+    std::printf("  falloff %-6s limit: RMSE %.4f to the reference\n", falloff, rendering::rmse(limit, truth));
+    double last = 1.0;
+    for (const int points : {8, 16, 32, 64, 128}) {
+      // Without the blur, whose own error has nothing to do with their number.
+      Graph graph("ssao", kSize, params + "params.blur_passes = 0\nparams.points = " + std::to_string(points));
+      const Image noisy = graph.render(scene);
+      graph.set("ao.params.blur_passes=1");
+      const Image image = graph.render(scene);
+      const double error = rendering::rmse(noisy, limit);
+      std::printf("  falloff %-6s points %3d: RMSE %.4f to the limit without blur; %.4f to the reference with it\n",
+                  falloff, points, error, rendering::rmse(image, truth));
+      EXPECT_LT(error, 0.85 * last) << falloff << " " << points;
+      last = error;
+    }
+    for (const char* knob : {"depth_divisor", "evaluate_divisor"}) {
+      last = 1.0;
+      for (const int divisor : {4, 2, 1}) {
+        Graph graph("ssao", kSize, params + "params." + knob + " = " + std::to_string(divisor));
+        const double error = rendering::rmse(graph.render(scene), truth);
+        std::printf("  falloff %-6s %-16s %d: RMSE %.4f to the reference\n", falloff, knob, divisor, error);
+        EXPECT_LT(error, last) << falloff << " " << knob << " " << divisor;
+        last = error;
+      }
+    }
   }
 }
 

@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// probe/shadow, sky, surface_material, light: a grid of points or directions to what functions answer. For tests.
+// probe/shadow, sky, surface_material, light: a grid of points or directions to what functions answer; probe/text: what
+// a text answers that the pass itself makes. For tests.
 #include <heddle/pass.hpp>
+
+#include <fstream>
+#include <iterator>
 
 namespace {
 
@@ -98,6 +102,19 @@ constexpr heddle_technique kPattern = [] {
   t.shaders = list(kPatternShaders, t.shader_count);
   return t;
 }();
+constexpr heddle_parameter kColorsParameters[] = {
+    parameter("lowest", "1", -30, 30, -12, "exponent of 2 of the darkest value but 0"),
+    parameter("highest", "1", -30, 30, 10, "exponent of 2 of the brightest value"),
+};
+constexpr heddle_shader kColorsShaders[] = {compute_shader("ask", "ask", "colors.comp.glsl")};
+constexpr heddle_technique kColors = [] {
+  heddle_technique t = technique<Probe>("probe/colors", "Colours of every mixture and brightness", "definition");
+  t.ports = list(kPorts, t.port_count);
+  t.parameters = list(kColorsParameters, t.parameter_count);
+  t.stages = list(kStages, t.stage_count);
+  t.shaders = list(kColorsShaders, t.shader_count);
+  return t;
+}();
 constexpr heddle_technique kLight = [] {
   heddle_technique t = technique<Probe>("probe/light", "A light at points of a parallelogram", "definition");
   t.ports = list(kLightPorts, t.port_count);
@@ -107,6 +124,42 @@ constexpr heddle_technique kLight = [] {
   return t;
 }();
 
+constexpr heddle_parameter kTextParameters[] = {
+    text("expression", "of x, the pixel's column", HEDDLE_PARAMETER_REDECLARE),
+    text("file", "holds an expression", HEDDLE_PARAMETER_REDECLARE),
+    names("terms", "expressions, added"),
+    toggle("without_file", false, "sets a text that no file stands in for", HEDDLE_PARAMETER_REDECLARE),
+    toggle("late", false, "sets a text in record"),
+};
+constexpr heddle_shader kTextShaders[] = {compute_shader("ask", "ask", "text.comp.glsl")};
+
+/// An expression of the graph's author -> the function that text.comp.glsl calls.
+struct Text {
+  heddle_status declare(const PassHost& host) {
+    std::string sum = host.text("expression");
+    if (const std::string file = host.text("file"); !file.empty()) {
+      std::ifstream stream(host.resolve_path(file));
+      if (!stream) return host.fail(HEDDLE_BAD_INPUT, "cannot read " + host.resolve_path(file));
+      sum.assign(std::istreambuf_iterator<char>(stream), {});
+    }
+    for (std::uint32_t i = 0; !host.text("terms", i).empty(); ++i) sum += " + " + host.text("terms", i);
+    if (host.toggle("without_file")) return host.set_text("nothing", sum);
+    return sum.empty() ? HEDDLE_OK : host.set_text("expression", "float expression(float x) { return " + sum + "; }\n");
+  }
+  heddle_status record(const Frame& frame) {
+    if (frame.host().toggle("late")) return frame.host().set_text("expression", "");
+    return frame.dispatch_over("ask", "values");
+  }
+};
+constexpr heddle_technique kText = [] {
+  heddle_technique t = technique<Text>("probe/text", "A text that the pass makes", "definition");
+  t.ports = list(kPorts, t.port_count);
+  t.parameters = list(kTextParameters, t.parameter_count);
+  t.stages = list(kStages, t.stage_count);
+  t.shaders = list(kTextShaders, t.shader_count);
+  return t;
+}();
+
 }  // namespace
 
-HEDDLE_PLUGIN(kShadow, kSky, kMaterial, kLight, kPattern)
+HEDDLE_PLUGIN(kShadow, kSky, kMaterial, kLight, kPattern, kColors, kText)

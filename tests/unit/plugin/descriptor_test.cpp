@@ -257,8 +257,8 @@ TEST(Descriptor, WithUnknownEnumerationsIsRefused) {
             told("port 'depth': unknown flags\n  found:    0x40\n  expected: a combination within 0xf"));
   EXPECT_EQ(message([](Example& e) { e.ports[1].extent_rule = 2; }),
             told("port 'visibility': unknown extent_rule\n  found:    2\n  expected: 0 to 1"));
-  EXPECT_EQ(message([](Example& e) { e.parameters[0].type = 7; }),
-            told("parameter 'radius': unknown type\n  found:    7\n  expected: 0 to 6"));
+  EXPECT_EQ(message([](Example& e) { e.parameters[0].type = 8; }),
+            told("parameter 'radius': unknown type\n  found:    8\n  expected: 0 to 7"));
   EXPECT_EQ(message([](Example& e) { e.accesses[0].access = 15; }),
             told("stage 'draw': access to 'depth': unknown access\n  found:    15\n  expected: 0 to 14\n") +
                 told("function 'sky': access to 'depth': unknown access\n  found:    15\n  expected: 0 to 14\n") +

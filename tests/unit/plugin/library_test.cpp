@@ -181,6 +181,13 @@ TEST(Library, WithAnUndefinedSymbolIsRefusedWhenOpened) {
             "  found:    undefined symbol: heddle_test_symbol_that_nobody_defines");
 }
 
+TEST(Library, ThatNeedsAMissingLibraryIsRefusedAndNamesIt) {
+  EXPECT_EQ(message(manifest_of(kLibraries / "without_companion.so"), HEDDLE_FAILED),
+            "without_companion.so: error: cannot load this library\n"
+            "  found:    libabsent.so: cannot open shared object file: No such file or directory\n"
+            "  help:     install the library that is named, or build again: what this machine lacks is then left out");
+}
+
 TEST(Library, ThatIsNoLibraryIsRefused) {
   const fs::path file = fs::path(testing::TempDir()) / "text.so";
   std::ofstream(file) << "this is text, and long enough to be read as a header of a library that it is not";

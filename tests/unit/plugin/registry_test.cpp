@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <chrono>
+#include <ctime>
 #include <fstream>
 #include <functional>
 
@@ -163,6 +163,15 @@ TEST_F(Registry_, PrefersTheFirstFolder) {
   EXPECT_EQ(registry.techniques().size(), 2U);
 }
 
+TEST_F(Registry_, KnowsWhatTheBuildLeftOutUnlessAnotherFolderBringsIt) {
+  write("a/blur/box/left_out.txt", "this build has no Boxes\n");
+  write("a/blur/tent/left_out.txt", "this build has no Tents\n");
+  add("b", {blur("tent")});
+  const Registry registry({root_ / "a", root_ / "b"});
+  EXPECT_THAT(registry.left_out(), ElementsAre(testing::Pair("blur/box", "this build has no Boxes")));
+  EXPECT_EQ(registry.find("blur/box").technique, nullptr);
+}
+
 TEST_F(Registry_, RefusesTwoLibrariesWithOneTechniqueInOneFolder) {
   add("a", {blur("box")});
   add("a", {blur("a_box"), blur("box")});
@@ -267,13 +276,14 @@ TEST_F(Registry_, ListsATechniqueOfAnotherAbiAndRefusesToOpenIt) {
 
 TEST_F(Registry_, ReadsAHundredTechniquesInMilliseconds) {
   for (int i = 0; i < 100; ++i) add("a", {blur("t" + std::to_string(i))});
-  const auto start = std::chrono::steady_clock::now();
+  // The processor's time: what else the machine does is not the registry's.
+  const std::clock_t start = std::clock();
   const Registry registry({root_ / "a"});
-  const std::chrono::duration<double, std::milli> time = std::chrono::steady_clock::now() - start;
+  const double time_ms = 1e3 * static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   EXPECT_EQ(registry.techniques().size(), 100U);
   // `heddle list` has 50 ms in all for some ten techniques, so ten times as many may take that alone; measured 6 to 9
   // ms without a sanitizer.
-  EXPECT_LT(time.count(), 50.0);
+  EXPECT_LT(time_ms, 50.0);
 }
 
 }  // namespace

@@ -71,7 +71,7 @@ static const heddle_plugin plugin = {.struct_size = sizeof(heddle_plugin),
 #ifdef HEDDLE_TEST_UNDEFINED_SYMBOL
 extern int heddle_test_symbol_that_nobody_defines(void);
 #endif
-#ifdef HEDDLE_TEST_WITH_THREAD
+#if defined HEDDLE_TEST_WITH_THREAD || defined HEDDLE_TEST_WITHOUT_COMPANION
 extern void heddle_test_start_thread(void);
 #endif
 
@@ -88,7 +88,7 @@ const heddle_plugin* heddle_entry(void) {
 #ifdef HEDDLE_TEST_UNDEFINED_SYMBOL
   if (heddle_test_symbol_that_nobody_defines() != 0) return 0;
 #endif
-#ifdef HEDDLE_TEST_WITH_THREAD
+#if defined HEDDLE_TEST_WITH_THREAD || defined HEDDLE_TEST_WITHOUT_COMPANION
   heddle_test_start_thread();
 #endif
   return &plugin;

@@ -70,6 +70,32 @@ TEST_F(ShaderCache, ChangedTextIsCompiledAgainWhereverItStands) {
   EXPECT_EQ(compiles(), 0U);
 }
 
+TEST_F(ShaderCache, ChangedTextOfAPassIsCompiledAgain) {
+  write("caller/generated/gain.glsl", "const float gain = 1.0;\n");
+  write("light/plain/generated/tint.glsl", "const float tint = 1.0;\n");
+  write("caller/shade.glsl",
+        "#include \"pass.glsl\"\n#include \"role/light.glsl\"\n#include \"generated/gain.glsl\"\n"
+        "layout(local_size_x = 8) in;\nvoid main() { result[0] = gain * light(0u, vec3(1.0)); }\n");
+  write("light/plain/plain.glsl",
+        "#include \"generated/tint.glsl\"\nfloat light(uint key, vec3 position) { return tint * position.x; }\n");
+  const auto compiles = [&] {
+    const std::uint64_t calls = compiler_calls();
+    run();
+    return compiler_calls() - calls;
+  };
+  EXPECT_EQ(compiles(), 1U) << "the files that stand in";
+  request_.texts["generated/gain.glsl"] = "const float gain = 2.0;\n";
+  EXPECT_EQ(compiles(), 1U) << "the caller's text";
+  EXPECT_EQ(compiles(), 0U);
+  request_.texts["generated/gain.glsl"] = "const float gain = 3.0;\n";
+  EXPECT_EQ(compiles(), 1U) << "another text of the caller";
+  request_.roles[0].providers[0].texts["generated/tint.glsl"] = "const float tint = 2.0;\n";
+  EXPECT_EQ(compiles(), 1U) << "a provider's text";
+  request_.texts.clear();
+  request_.roles[0].providers[0].texts.clear();
+  EXPECT_EQ(compiles(), 0U) << "the files again";
+}
+
 TEST_F(ShaderCache, DamagedEntryIsNoEntry) {
   const CompiledShader first = run();
   const fs::path file = entries().at(0);

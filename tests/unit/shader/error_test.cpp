@@ -145,6 +145,46 @@ TEST_F(ShaderError, CallerThatBindsForItself) {
                 "  help:     remove it: the host binds the ports that the stage's descriptor lists");
 }
 
+const std::string kMadeHelp =
+    "\n  help:     the technique made this text while it ran: it is a mistake of the technique, not of the graph";
+
+TEST_F(ShaderError, MistakeInATextThatThePassMadeShowsItsLine) {
+  ShaderRequest made =
+      request("#include \"pass.glsl\"\n#include \"generated/curve.glsl\"\nvoid main() { result[0] = curve(1.0); }\n",
+              {buffer("answers", HEDDLE_ACCESS_STORAGE_WRITE, "float result[];")});
+  made.texts["generated/curve.glsl"] = "float curve(float x) {\n  return x + offset;\n}\n";
+  EXPECT_EQ(error_of(made),
+            "generated/curve.glsl:2: error: shader 'shade' of pass 'caller': 'offset': undeclared identifier\n"
+            "  found:    return x + offset;" +
+                kMadeHelp);
+}
+
+TEST_F(ShaderError, MistakeInATextThatAProviderMadeShowsItsLineInItsOwnSpelling) {
+  Role role = light_role();
+  const Technique& curved = provider_technique("light/curved", "curved.glsl",
+                                               "#include \"generated/curve.glsl\"\n"
+                                               "float light(uint key, vec3 position) { return curve(position.x); }\n");
+  write("light/curved/generated/curve.glsl", "float curve(float x) { return x; }\n");
+  ShaderRequest made = calling_request();
+  made.roles = {{&role, Join::kSwitch, {provider("sun", curved)}}};
+  made.roles[0].providers[0].texts["generated/curve.glsl"] = "float curve(vec2 x) { return x.x; }\nfloat y = z;\n";
+  EXPECT_EQ(error_of(made),
+            "generated/curve.glsl:2: error: function 'light' of pass 'sun' (light/curved): 'z': undeclared identifier\n"
+            "  found:    float y = z;" +
+                kMadeHelp + "\n" + place("light/curved/curved.glsl") +
+                ":2: error: function 'light' of pass 'sun' (light/curved): 'curve': no matching overloaded function "
+                "found\n"
+                "  help:     it fails alone as well, called by a test");
+}
+
+TEST_F(ShaderError, TextThatThePassMadeBindsForItself) {
+  ShaderRequest made = request("#include \"pass.glsl\"\n#include \"generated/table.glsl\"\nvoid main() {}\n");
+  made.texts["generated/table.glsl"] = "\nlayout(binding = 3) uniform sampler2D table;\n";
+  EXPECT_EQ(error_of(made),
+            "generated/table.glsl:2: error: shader 'shade' of pass 'caller' has layout(binding)\n"
+            "  help:     remove it: the host binds the ports that the stage's descriptor lists");
+}
+
 TEST_F(ShaderError, CallerWithoutAFile) {
   const ShaderRequest made = request("");
   std::filesystem::remove(folder_ / "caller/shade.glsl");
