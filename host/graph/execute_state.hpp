@@ -276,7 +276,7 @@ struct Executor::State {
     vulkan::Buffer texels;
   };
   std::vector<Scan> scans;
-  std::optional<Diagnostic> wrong_value;  // the first that a scan of this frame found
+  std::optional<Diagnostic> wrong_value;                          // the first that a scan of this frame found
   std::map<ResourceIndex, std::set<std::uint32_t>> drawn_layers;  // this frame, of attachments, by first version
   void name_resources();
   void begin_checked_frame();

@@ -13,7 +13,8 @@ namespace {
 
 class Weaver {
  public:
-  explicit Weaver(ResolvedGraph& graph) : graph_(graph), owner_(graph.passes.size(), kNoIndex) {}
+  explicit Weaver(ResolvedGraph& graph)
+      : graph_(graph), written_(graph.passes), owner_(graph.passes.size(), kNoIndex) {}
 
   void run() {
     for (PassIndex p = 0; p < graph_.passes.size(); ++p)
@@ -40,10 +41,12 @@ class Weaver {
       if (source == pass.ports.end()) continue;
       const std::pair change(source->second, pass.ports.at(one.output));
       woven.overrides.push_back(change);
-      for (PassIndex p = 0; p < graph_.passes.size(); ++p)
-        if (leads_there[p] && p != index && p != graph_.resources[change.first].producer &&
-            rebind(graph_.passes[p], change.first, change.second))
-          is_body[p] = true;
+      for (PassIndex p = 0; p < graph_.passes.size(); ++p) {
+        if (!leads_there[p] || p == index || p == graph_.resources[change.first].producer) continue;
+        // Another loop may have given it its own value already; one that leads there too is refused below.
+        if (owner_[p] != kNoIndex && !leads_there[owner_[p]] && reads(written_[p], change.first)) claim(p, index);
+        if (rebind(graph_.passes[p], change.first, change.second)) is_body[p] = true;
+      }
     }
     // Whoever needs a pass of the body and leads to what is gathered is in the body too.
     for (bool grows = true; grows;) {
@@ -82,6 +85,11 @@ class Weaver {
       for (const PassIndex need : graph_.passes[p].dependencies) add(need);
     }
     return found;
+  }
+
+  [[nodiscard]] static bool reads(const Pass& pass, ResourceIndex resource) {
+    const auto is_it = [&](const auto& bound) { return bound.second == resource; };
+    return std::ranges::any_of(pass.ports, is_it) || std::ranges::any_of(pass.inout_sources, is_it);
   }
 
   /// Binds what reads `from` to `to`; a changed copy of `from` becomes one of `to`. True if anything did.
@@ -135,7 +143,8 @@ class Weaver {
   }
 
   ResolvedGraph& graph_;
-  std::vector<PassIndex> owner_;  // the loop that repeats a pass
+  const std::vector<Pass> written_;  // the passes before any loop
+  std::vector<PassIndex> owner_;     // the loop that repeats a pass
 };
 
 }  // namespace

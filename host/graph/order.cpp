@@ -507,11 +507,11 @@ class Scheduler {
 
   const ResolvedGraph& graph_;
   std::vector<Node> nodes_;
-  std::vector<std::vector<NodeIndex>> nodes_of_;  // by pass
-  std::vector<std::vector<Edge>> edges_;          // by the node that waits
+  std::vector<std::vector<NodeIndex>> nodes_of_;   // by pass
+  std::vector<std::vector<Edge>> edges_;           // by the node that waits
   std::vector<std::vector<NodeIndex>> followers_;  // those that wait for a node, each once
-  std::set<NodeIndex> done_;          // by check_stage_cycles
-  std::vector<NodeIndex> sequence_;  // of the last run
+  std::set<NodeIndex> done_;                       // by check_stage_cycles
+  std::vector<NodeIndex> sequence_;                // of the last run
 };
 
 }  // namespace

@@ -27,8 +27,8 @@ void detach(ResolvedGraph& graph, PassIndex gone) {
     Resource& history = graph.resources[r];
     if (history.history_of == kNoIndex || graph.resources[history.history_of].producer != gone) continue;
     history.history_of = replace(history.history_of);
-    const bool has_history = history.history_of != kNoIndex && (!has_memory(history.type) ||
-                                                                is_kept(graph, history.history_of));
+    const bool has_history =
+        history.history_of != kNoIndex && (!has_memory(history.type) || is_kept(graph, history.history_of));
     if (has_history) history.name = graph.resources[history.history_of].name + "@previous";
     is_lost[r] = !has_history;
   }
@@ -185,16 +185,16 @@ void prune(ResolvedGraph& graph, std::span<const ResourceIndex> wanted, std::spa
       if (newest == kNoIndex || !has_memory(graph.resources[newest].type)) continue;
       for (const Resource& later : graph.resources)
         if (later.previous_version == newest && !graph.passes[later.producer].is_pruned)
-          throw Error(HEDDLE_BAD_INPUT,
-                      Diagnostic{Severity::kError,
-                                 pass.where,
-                                 fmt::format("pass '{}': inputs.{}: '{}' is gone by the next frame: pass '{}' changes it "
-                                             "in place",
-                                             pass.name, port, graph.resources[newest].name,
-                                             graph.passes[later.producer].name),
-                                 {},
-                                 {},
-                                 fmt::format("read \"{}@previous\"", later.name)});
+          throw Error(
+              HEDDLE_BAD_INPUT,
+              Diagnostic{Severity::kError,
+                         pass.where,
+                         fmt::format("pass '{}': inputs.{}: '{}' is gone by the next frame: pass '{}' changes it "
+                                     "in place",
+                                     pass.name, port, graph.resources[newest].name, graph.passes[later.producer].name),
+                         {},
+                         {},
+                         fmt::format("read \"{}@previous\"", later.name)});
     }
   }
 }

@@ -355,7 +355,7 @@ class Resolver {
       if (port.direction == Direction::kOut) continue;
       const auto given = said.find(port.name);
       const std::string label = fmt::format("pass '{}': inputs.{}", pass.name, port.name);
-      Source source = given != said.end()         ? named_source(label, *given->second)
+      Source source = given != said.end()        ? named_source(label, *given->second)
                       : port.previous_of.empty() ? default_source(e, port.name)
                                                  : resource_source(history_of(pass.ports.at(port.previous_of)));
       if (source.kind == Source::Kind::kUnknown) continue;
@@ -377,10 +377,10 @@ class Resolver {
       if (port.direction == Direction::kIn) {
         pass.ports[port.name] = source.resource;
       } else if (resource.history_of != kNoIndex) {
-        problems_.add(given->second->where,
-                      fmt::format("pass '{}': '{}' cannot change what was made in an earlier frame", pass.name,
-                                  port.name),
-                      to_toml(*given->second), fmt::format("\"{}\"", graph_.resources[resource.history_of].name));
+        problems_.add(
+            given->second->where,
+            fmt::format("pass '{}': '{}' cannot change what was made in an earlier frame", pass.name, port.name),
+            to_toml(*given->second), fmt::format("\"{}\"", graph_.resources[resource.history_of].name));
       } else if (resource.producer == entry.pass) {
         problems_.add(given->second->where,
                       fmt::format("pass '{}': '{}' cannot change what it makes itself", pass.name, port.name),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Every graph that comes with Heddle, and every technique in the default one: the check finds nothing in several frames,
-// bytes depend neither on the order nor on memory, and each single barrier is needed: whichever is taken away or
-// weakened in the recorded stream, the hazard checker misses it.
+// Every graph that comes with Heddle, and every technique in the default one: the check finds nothing in several
+// frames, bytes depend neither on the order nor on memory, and each single barrier is needed: whichever is taken away
+// or weakened in the recorded stream, the hazard checker misses it.
 #include "graph/execute.hpp"
 #include "graph/execute_state.hpp"
 #include "graph/written.hpp"
@@ -267,9 +267,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Variant{"no_shadow", "deferred.toml", {"shadow.technique=none", "contact.technique=none"}},
                     Variant{"float32", "deferred.toml", {"gbuffer.params.precision=float32"}},
                     Variant{"supersampled", "supersampled.toml", {"aa.params.samples=2"}},
-                    Variant{"progressive",
-                            "supersampled.toml",
-                            {"aa.params.samples=3", "aa.params.mode=progressive"}}),
+                    Variant{"progressive", "supersampled.toml", {"aa.params.samples=3", "aa.params.mode=progressive"}}),
     [](const auto& tested) { return tested.param.name; });
 
 }  // namespace

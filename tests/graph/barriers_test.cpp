@@ -233,8 +233,7 @@ TEST(Barriers, CoverHistoriesOfAttachmentsAndBuffersAcrossFrames) {
     made.gpu(counter, "main", {touch("counts", HEDDLE_ACCESS_STORAGE_WRITE)});
     made.input(late, "color", made.history(color));
     made.input(late, "counts", made.history(counts));
-    made.gpu(late, "main",
-             {touch("color", HEDDLE_ACCESS_SAMPLED_LINEAR), touch("counts", HEDDLE_ACCESS_STORAGE_READ)},
+    made.gpu(late, "main", {touch("color", HEDDLE_ACCESS_SAMPLED_LINEAR), touch("counts", HEDDLE_ACCESS_STORAGE_READ)},
              ShaderKind::kFullscreen);
     const Planned planned = expect_proven(made, {color});
     EXPECT_GE(count(planned.plan), 5U);
@@ -336,8 +335,8 @@ TEST(Barriers, CoverGraphsMadeByChance) {
       // Histories of the own output, and of an older kept one.
       for (const ResourceIndex kept : {made_here.back(), newest.empty() ? made_here.back() : newest.front()}) {
         const std::string port = "past" + std::to_string(kept);
-        const bool has_history = std::ranges::any_of(
-            made.graph.resources, [&](const Resource& r) { return r.history_of == kept; });
+        const bool has_history =
+            std::ranges::any_of(made.graph.resources, [&](const Resource& r) { return r.history_of == kept; });
         if (!made.graph.resources[kept].is_kept || has_history || random() % 2 == 0) continue;
         made.input(p, port, made.history(kept));
         accesses.push_back(touch(port, is_cpu ? HEDDLE_ACCESS_HOST_READ

@@ -193,9 +193,9 @@ TEST(Loops, RunStagesWithLatencyOnce) {
   made.gpu(made.light, "page", {touch("pages", HEDDLE_ACCESS_SAMPLED), touch("b", HEDDLE_ACCESS_STORAGE_READ_WRITE)});
   const Order sequence = made.weave();
   EXPECT_EQ(made.text(sequence),
-            "camera.main table.main aa.move draw.main manager.update light.main light.page aa.add "
+            "camera.main table.main aa.move draw.main light.main manager.update light.page aa.add "
             "aa.resolve show.main manager.update");
-  EXPECT_TRUE(sequence.stages[4].runs_once);
+  EXPECT_TRUE(sequence.stages[5].runs_once);
   EXPECT_TRUE(sequence.stages[10].is_read_back);
   EXPECT_FALSE(sequence.stages[10].runs_once);
   expect_proven(made.graph, sequence, std::array{made.c});
@@ -258,6 +258,8 @@ TEST(Loops, RefuseStateThatAdvancesInPlace) {
   Sampled made;
   made.image(made.light, "state", HEDDLE_PORT_KEPT);
   made.gpu(made.light, "advance", {touch("state", HEDDLE_ACCESS_STORAGE_READ_WRITE)});
+  // Without a reader in the loop it would advance once a frame, behind it.
+  made.gpu(made.light, "use", {touch("state", HEDDLE_ACCESS_SAMPLED), touch("b", HEDDLE_ACCESS_STORAGE_READ_WRITE)});
   EXPECT_EQ(message_of([&] { made.weave(); }),
             "synthetic.toml:4:1: error: pass 'light' keeps its state in 'light.state' in place, and the loop of pass "
             "'aa' would do so in each iteration\n"

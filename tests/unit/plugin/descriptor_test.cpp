@@ -370,13 +370,12 @@ std::string loop_message(const std::function<void(Technique&)>& change) {
                      port_of("sample_view", PortType::kValue, Direction::kOut),
                      port_of("radiance", PortType::kImage, Direction::kInout),
                      port_of("sum", PortType::kImage, Direction::kOut, HEDDLE_PORT_KEPT)};
-  technique.stages = {
-      {"move", StageKind::kCpu, {{"sample_view", HEDDLE_ACCESS_VALUE, 0, {}}}, 0, HEDDLE_LOOP_BEFORE},
-      {"gather",
-       StageKind::kGpu,
-       {{"radiance", HEDDLE_ACCESS_SAMPLED, 0, {}}, {"sum", HEDDLE_ACCESS_STORAGE_READ_WRITE, 0, {}}},
-       0,
-       HEDDLE_LOOP_AFTER}};
+  technique.stages = {{"move", StageKind::kCpu, {{"sample_view", HEDDLE_ACCESS_VALUE, 0, {}}}, 0, HEDDLE_LOOP_BEFORE},
+                      {"gather",
+                       StageKind::kGpu,
+                       {{"radiance", HEDDLE_ACCESS_SAMPLED, 0, {}}, {"sum", HEDDLE_ACCESS_STORAGE_READ_WRITE, 0, {}}},
+                       0,
+                       HEDDLE_LOOP_AFTER}};
   technique.loop = Loop{{{"view", "sample_view"}}, {"radiance"}};
   change(technique);
   const std::vector<Diagnostic> broken = broken_rules(technique, {"t.so", 0, 0});

@@ -31,7 +31,7 @@ TEST(List, SaysEverythingOfTheRepositorysRoles) {
   EXPECT_EQ(ao["ports"][0]["neutral"], parse_json(R"(["inf", 0.0, 0.0, 1.0])"));
   EXPECT_EQ(ao["ports"][4]["range"], parse_json("[0.0, 1.0]"));
   EXPECT_EQ(ao["measure"]["metric"], "rmse");
-  const auto gbuffer = list["roles"][2];
+  const auto gbuffer = list["roles"][3];
   ASSERT_EQ(gbuffer["name"], "gbuffer");
   EXPECT_EQ(gbuffer["references"]["same_model"]["params"]["precision"], "float32");
 }
