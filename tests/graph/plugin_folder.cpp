@@ -117,6 +117,19 @@ Technique sky_uniform() {
   return t;
 }
 
+Technique sky_environment_map() {
+  Technique t = technique("sky/environment_map");
+  t.ports = {value_in("environment"),
+             image_out_sized("mean_radiance", VK_FORMAT_R32G32B32A32_SFLOAT, 64, 64, HEDDLE_PORT_KEPT, 6),
+             image_out_sized("specular", VK_FORMAT_R32G32B32A32_SFLOAT, 64, 64, HEDDLE_PORT_KEPT, 48)};
+  t.stages = {{"load", StageKind::kCpu, {value("environment"), touch("mean_radiance", HEDDLE_ACCESS_HOST_WRITE)}},
+              {"filter", StageKind::kGpu, {touch("mean_radiance", HEDDLE_ACCESS_SAMPLED_LINEAR), written("specular")}}};
+  t.shaders = {shader("filter", ShaderKind::kCompute, "filter")};
+  t.functions = {{"sky", "sky.glsl", {sampled("specular")}, {}, false}};
+  t.features = {"environment"};
+  return t;
+}
+
 Technique gbuffer_raster() {
   Technique t = technique("gbuffer/raster");
   t.ports = {surfaces_in("surfaces"),
@@ -314,8 +327,9 @@ PluginFolder::PluginFolder() {
   std::string pattern = (fs::temp_directory_path() / "heddle-graph-XXXXXX").string();
   if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
   folder_ = pattern;
-  for (const Technique& t : {sky_procedural(), sky_uniform(), gbuffer_raster(), gtao(), ray_traced(), shadow_map(),
-                             ray_marched_screen(), ggx(), deferred(), supersampled(), sorted(), display(), paint_dots()}) {
+  for (const Technique& t :
+       {sky_procedural(), sky_uniform(), sky_environment_map(), gbuffer_raster(), gtao(), ray_traced(), shadow_map(),
+        ray_marched_screen(), ggx(), deferred(), supersampled(), sorted(), display(), paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());

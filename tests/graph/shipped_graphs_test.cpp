@@ -61,22 +61,23 @@ void prove(const std::string& file, const Registry& registry, std::span<const st
 class ShippedGraphs : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedGraphs, ResolveWithEveryBarrierProven) {
-  const std::vector<std::string> blended{"blended"};
+  const std::vector<std::string> features{"blended", "environment"};
   prove(GetParam(), testing::shared_registry(), {});
-  prove(GetParam(), testing::shared_registry(), blended);
+  prove(GetParam(), testing::shared_registry(), features);
 }
 
 TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
   const std::filesystem::path plugins = std::filesystem::path(HEDDLE_BUILD_DIR) / "lib" / "heddle" / "plugins";
   if (!std::filesystem::exists(plugins)) GTEST_SKIP() << "no plugins are built in " << plugins;
   const Registry registry({plugins});
-  for (const char* id : {"sky/procedural", "sky/uniform", "gbuffer/raster", "ambient_occlusion/gtao",
-                         "ambient_occlusion/ray_traced", "shadow/shadow_map", "shadow/ray_marched_screen",
-                         "surface_material/ggx", "lighting/deferred", "transparency/sorted", "display/linear"})
+  for (const char* id :
+       {"sky/procedural", "sky/uniform", "sky/environment_map", "gbuffer/raster", "ambient_occlusion/gtao",
+        "ambient_occlusion/ray_traced", "shadow/shadow_map", "shadow/ray_marched_screen", "surface_material/ggx",
+        "lighting/deferred", "transparency/sorted", "display/linear"})
     if (registry.find(id).technique == nullptr) GTEST_SKIP() << id << " is not built";
-  const std::vector<std::string> blended{"blended"};
+  const std::vector<std::string> features{"blended", "environment"};
   prove(GetParam(), registry, {});
-  prove(GetParam(), registry, blended);
+  prove(GetParam(), registry, features);
 }
 
 INSTANTIATE_TEST_SUITE_P(Files, ShippedGraphs, ::testing::ValuesIn(files()),
