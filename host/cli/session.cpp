@@ -82,7 +82,7 @@ void check(const heddle_host* host, heddle_status status) {
 }
 
 void HostArguments::add_to(CLI::App& app) {
-  app.add_option("--device", device, "part of a device's name, or its index (see: heddle doctor)");
+  app.add_option("--device", device, "part of a device's name, or its index (see: heddle devices)");
   app.add_option("--plugins", plugin_path, "folders with plugins, separated by ':'");
   app.add_flag("--validation", validation, "run with Vulkan's validation layer; what it finds is an error");
   app.add_flag("--quiet,-q", quiet, "errors only");

@@ -44,7 +44,7 @@ def test_values_set_between_frames_are_seen_with_their_place(host):
 def test_a_removed_pass_is_told_with_its_line(host, root):
     with host.graph("furnace") as graph:
         answer = json.loads(graph.explain("json", why="contact"))
-    assert answer["rule"] == "removed" and answer["rule_at"].endswith("graphs/furnace.toml:6:26")
+    assert answer["rule"] == "removed" and answer["rule_at"].endswith("graphs/furnace.toml:6:27")
 
 
 def test_an_unknown_pass_is_an_error(host, root):
