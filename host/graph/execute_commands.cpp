@@ -582,6 +582,7 @@ vulkan::Buffer Executor::State::switch_table(const Pass& caller, const std::stri
   }
   vulkan::Buffer buffer = device->make_buffer(table.size() * 4, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, true);
   std::memcpy(buffer.data(), table.data(), table.size() * 4);
+  device->note_host_write(buffer);
   return buffer;
 }
 
@@ -610,6 +611,7 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
       frame_buffers.push_back(
           device->make_buffer(kBlock, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, true));
       std::memset(frame_buffers.back().data(), 0, kBlock);
+      device->note_host_write(frame_buffers.back());
       const bool is_list = binding.kind == vulkan::Binding::Kind::kStorageBuffer;
       return {frame_buffers.back().handle(), 0, is_list ? 16 : kBlock};
     };

@@ -545,6 +545,7 @@ void Executor::State::write_parameters(PassState& state) {
       }
     }
   }
+  device->note_host_write(state.parameters);
 }
 
 void Executor::State::make_pipelines(ShaderState& shader) {

@@ -16,9 +16,10 @@ class HostChain {
   HostChain(Session& session, const Chain& chain) : executor_(session.services(), resolved(session, chain)) {}
 
   FrameTime frame() {
-    const double start = now_ms();
+    const double start = now_ms(), cpu_start = thread_cpu_ms();
     executor_.render(scene_, {});
-    return {now_ms() - start, executor_.stats().submit_ms};
+    const double cpu = thread_cpu_ms() - cpu_start;
+    return {now_ms() - start, executor_.stats().submit_ms, cpu};
   }
   [[nodiscard]] const graph::FrameStats& stats() const { return executor_.stats(); }
   [[nodiscard]] std::vector<float> read() { return executor_.read({}, 0, 0).pixels; }
@@ -42,10 +43,11 @@ class HostChain {
 };
 
 struct Samples {
-  std::vector<double> wall, host;  // milliseconds; host: all but submission to fence
+  std::vector<double> wall, host, cpu;  // milliseconds; host: all but submission to fence
   void add(const FrameTime& time) {
     wall.push_back(time.wall_ms);
     host.push_back(time.wall_ms - time.submit_ms);
+    cpu.push_back(time.cpu_ms);
   }
 };
 
@@ -129,6 +131,8 @@ void measure_graph_overhead(Session& session) {
   const Both times = take_turns(graph, hand, session.runs(100));
   report.add_measured("graph_overhead.host_us_per_pass", "us", per_pass_us(times.graph.host, chain.passes), 5.0);
   report.add_measured("graph_overhead.hand_us_per_pass", "us", per_pass_us(times.hand.host, chain.passes));
+  report.add_measured("graph_overhead.host_cpu_us_per_pass", "us", per_pass_us(times.graph.cpu, chain.passes));
+  report.add_measured("graph_overhead.hand_cpu_us_per_pass", "us", per_pass_us(times.hand.cpu, chain.passes));
   report.add_number("graph_overhead.empty_passes", "1", chain.passes);
 }
 

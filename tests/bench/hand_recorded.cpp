@@ -138,7 +138,7 @@ void HandRecorded::make_set(std::uint32_t pass) {
 
 FrameTime HandRecorded::frame() {
   const heddle_vulkan& vk = device_.table();
-  const double start = now_ms();
+  const double start = now_ms(), cpu_start = thread_cpu_ms();
   vulkan::check(vk.ResetCommandPool(vk.device, command_pool_, 0), "vkResetCommandPool");
   VkCommandBufferBeginInfo begin{VK_STRUCTURE_TYPE_COMMAND_BUFFER_BEGIN_INFO};
   begin.flags = VK_COMMAND_BUFFER_USAGE_ONE_TIME_SUBMIT_BIT;
@@ -188,6 +188,7 @@ FrameTime HandRecorded::frame() {
   vulkan::check(vk.WaitForFences(vk.device, 1, &fence_, VK_TRUE, ~0ULL), "vkWaitForFences");
   time.submit_ms = now_ms() - submitted;
   vulkan::check(vk.ResetFences(vk.device, 1, &fence_), "vkResetFences");
+  time.cpu_ms = thread_cpu_ms() - cpu_start;
   time.wall_ms = now_ms() - start;
   return time;
 }

@@ -16,6 +16,7 @@ struct Chain {
 struct FrameTime {
   double wall_ms = 0;    // all
   double submit_ms = 0;  // from the submission to the fence
+  double cpu_ms = 0;     // of the calling thread: recording, submitting, and next to nothing of waiting
 };
 
 /// The same shaders, pipelines, formats and bindings as technique chain/work. All that can be made beforehand is:

@@ -36,7 +36,7 @@ void measure_instances(Session& session) {
   // Column by column. Half a box stands aside of where the view may end.
   for (int x = 0; x < side; ++x)
     for (int y = 0; y < side; ++y) places.push_back({x + 0.5 - 0.5 * side, y + 0.5 - 0.5 * side, 0});
-  fill_with_boxes(session, scene.get(), places, 0.5, is_small ? 1 : 4);
+  fill_with_boxes(session, scene.get(), places, 0.5);
   const std::string text = fmt::format(
       "extent = [{0}, {0}]\noutput = \"gbuffer.depth\"\n[[pass]]\nrole = \"gbuffer\"\n"
       "technique = \"raster\"\n",

@@ -2,6 +2,7 @@
 #include "session.hpp"
 
 #include <cstdlib>
+#include <ctime>
 #include <stdexcept>
 
 namespace heddle::bench {
@@ -25,6 +26,12 @@ std::filesystem::path cache_folder() {
 
 }  // namespace
 
+double thread_cpu_ms() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
+}
+
 double now_ms() {
   return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
@@ -34,7 +41,10 @@ Session::Session(Options options)
       folder_(heddle_folder()),
       registry_({folder_ / "bench" / "plugins", folder_ / "plugins"}),
       services_{registry_, [this]() -> vulkan::Device& { return device(); }, cache_folder(),
-                [](Severity, std::string_view) {}} {}
+                [](Severity, std::string_view) {}} {
+  // The host's own parts are in this program too, which does not lie beside the module.
+  setenv("HEDDLE_IMAGE_MODULE", (folder_.parent_path() / "libheddle_image.so").c_str(), 0);
+}
 
 int Session::runs(int usual) const {
   return options_.runs > 0 ? options_.runs : options_.is_small ? 3 : usual;
@@ -87,7 +97,7 @@ Json Session::stats(heddle_graph* graph) {
 }
 
 void fill_with_boxes(Session& session, heddle_scene* scene, const std::vector<std::array<double, 3>>& places,
-                     double size, std::uint32_t divisions) {
+                     double size) {
   heddle_material material{};
   material.struct_size = sizeof material;
   std::fill(std::begin(material.textures), std::end(material.textures), HEDDLE_NONE);
@@ -102,23 +112,19 @@ void fill_with_boxes(Session& session, heddle_scene* scene, const std::vector<st
 
   std::vector<float> positions;
   std::vector<std::uint32_t> indices;
-  const std::uint32_t row = divisions + 1;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     for (const bool is_far : {false, true}) {
       const auto first = static_cast<std::uint32_t>(positions.size() / 3);
-      for (std::uint32_t j = 0; j < row; ++j) {
-        for (std::uint32_t i = 0; i < row; ++i) {
-          std::array<float, 3> p{};
-          p[axis] = is_far ? 0.5F : -0.5F;
-          p[(axis + 1) % 3] = static_cast<float>(i) / static_cast<float>(divisions) - 0.5F;
-          p[(axis + 2) % 3] = static_cast<float>(j) / static_cast<float>(divisions) - 0.5F;
-          positions.insert(positions.end(), p.begin(), p.end());
-          if (i == divisions || j == divisions) continue;
-          const std::uint32_t a = first + j * row + i;
-          const std::array<std::uint32_t, 6> quad{a, a + 1, a + row + 1, a, a + row + 1, a + row};
-          for (std::size_t k = 0; k < 6; ++k) indices.push_back(quad[is_far ? k : 5 - k]);
-        }
+      for (const std::array<float, 2> corner :
+           {std::array{-0.5F, -0.5F}, std::array{0.5F, -0.5F}, std::array{0.5F, 0.5F}, std::array{-0.5F, 0.5F}}) {
+        std::array<float, 3> p{};
+        p[axis] = is_far ? 0.5F : -0.5F;
+        p[(axis + 1) % 3] = corner[0];
+        p[(axis + 2) % 3] = corner[1];
+        positions.insert(positions.end(), p.begin(), p.end());
       }
+      // The far side of an axis is wound the other way.
+      for (const std::uint32_t i : {0U, 1U, 2U, 0U, 2U, 3U}) indices.push_back(first + (is_far ? i : 3U - i));
     }
   }
   heddle_mesh mesh{};

@@ -21,6 +21,8 @@ struct Options {
 
 /// Milliseconds since some moment.
 double now_ms();
+/// Milliseconds that the calling thread has run: what others do to the machine counts little.
+double thread_cpu_ms();
 
 struct Destroy {
   void operator()(heddle_host* host) const { heddle_destroy(host); }
@@ -66,10 +68,9 @@ class Session {
   Owned<heddle_host> host_;
 };
 
-/// A scene of one rough grey material, boxes of `instances` places, and a sun that casts shadows. Boxes have
-/// `divisions` x `divisions` quads a side.
+/// A scene of one rough grey material, boxes at `places`, and a sun that casts shadows.
 void fill_with_boxes(Session& session, heddle_scene* scene, const std::vector<std::array<double, 3>>& places,
-                     double size, std::uint32_t divisions = 1);
+                     double size);
 
 // One function a benchmark: measures, and adds entries to the session's report.
 void measure_graph_overhead(Session& session);
