@@ -160,9 +160,9 @@ bool Executor::State::keep_adopted(PassIndex index) {
 /// Contents that outlast frames, where their maker is still the same object.
 void Executor::State::adopt_memory(ResourceIndex index) {
   const Resource& resource = graph.resources[index];
-  const PassIndex maker =
+  const PassIndex producer =
       resource.history_of == kNoIndex ? resource.producer : graph.resources[resource.history_of].producer;
-  if (maker == kNoIndex || !passes[maker] || !passes[maker]->is_adopted) return;
+  if (producer == kNoIndex || !passes[producer] || !passes[producer]->is_adopted) return;
   const auto found = legacy.memory.find(resource.name);
   if (found == legacy.memory.end() || !is_same_shape(found->second.shape, resource)) return;
   ResourceState& old = found->second.state;
