@@ -129,9 +129,9 @@ TEST(Manifest, WithBrokenJsonNamesThePlace) {
 }
 
 TEST(Manifest, OfAnotherFormatSaysSo) {
-  EXPECT_EQ(message(replaced(to_json(example_manifest()), "\"format\": 1", "\"format\": 2")),
+  EXPECT_EQ(message(replaced(to_json(example_manifest()), "\"format\": 2", "\"format\": 3")),
             kFile.string() +
-                ": error: manifest: /format is another format\n  found:    2\n  expected: 1\n"
+                ": error: manifest: /format is another format\n  found:    3\n  expected: 2\n"
                 "  help:     manifests are written by heddle-manifest: build the plugin again");
 }
 
