@@ -264,8 +264,8 @@ TEST(Descriptor, WithUnknownEnumerationsIsRefused) {
                 told("function 'sky': access to 'depth': unknown access\n  found:    15\n  expected: 0 to 14\n") +
                 told("function 'sky': access to 'depth' is not for functions\n  found:    HEDDLE_ACCESS 15\n"
                      "  expected: SAMPLED*, STORAGE_* or VALUE"));
-  EXPECT_EQ(message([](Example& e) { e.accesses[1].load = 3; }),
-            told("stage 'draw': access to 'visibility': unknown load\n  found:    3\n  expected: 0 to 2\n") +
+  EXPECT_EQ(message([](Example& e) { e.accesses[1].load = HEDDLE_LOAD_CLEAR_NEW + 1; }),
+            told("stage 'draw': access to 'visibility': unknown load\n  found:    4\n  expected: 0 to 3\n") +
                 told("port 'visibility': no stage and no function touches this output"));
   EXPECT_EQ(message([](Example& e) { e.shaders[0].kind = 3; }),
             told("shader 'draw': unknown kind\n  found:    3\n  expected: 0 to 2"));
@@ -489,7 +489,8 @@ TEST(Descriptor, WithAnAccessThatDoesNotFitIsRefused) {
   EXPECT_EQ(message([](Example& e) { e.accesses[1].load = HEDDLE_LOAD_CLEAR_NEW; }),
             told("stage 'draw': access to 'visibility': HEDDLE_LOAD_CLEAR_NEW is for optional inout ports"));
   EXPECT_EQ(message([](Example& e) { e.accesses[1].blend = HEDDLE_BLEND_TINT + 1; }),
-            told("stage 'draw': access to 'visibility': unknown blend\n  found:    5\n  expected: 0 to 4"));
+            told("stage 'draw': access to 'visibility': unknown blend\n  found:    5\n  expected: 0 to 4\n") +
+                told("port 'visibility': no stage and no function touches this output"));
   EXPECT_EQ(message([](Example& e) { e.accesses[2].blend = HEDDLE_BLEND_OVER; }),
             told("stage 'fill': access to 'table': blend belongs to HEDDLE_ACCESS_COLOR"));
   EXPECT_EQ(message([](Example& e) {
