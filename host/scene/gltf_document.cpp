@@ -135,7 +135,7 @@ void check_json(const Document& document, std::string_view json) {
 
 /// What tinygltf asks of the file system, answered for the file's own folder alone.
 struct Folder {
-  const Document* document = nullptr;
+  Document* document = nullptr;
   std::filesystem::path path;  // of the file; empty: the working directory
   std::string missing;         // the last file that was named and is not there
 
@@ -320,10 +320,11 @@ bool is_unsigned(int component_type) {
          component_type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
 }
 
-/// Runs over all elements of an accessor and the ones that a sparse part puts in their place.
+/// Runs over all elements of an accessor and the ones that a sparse part puts in their place. Components of the type
+/// `native` are stored as Value is, and need no conversion.
 template <typename Value, typename Convert>
 std::vector<Value> read_elements(const Document& document, const tinygltf::Accessor& accessor, std::size_t components,
-                                 std::string_view what, const Convert& convert) {
+                                 std::string_view what, int native, const Convert& convert) {
   const std::size_t bytes = component_bytes(document, accessor.componentType, what);
   const std::size_t element = bytes * components;
   std::size_t stride = element;
@@ -342,7 +343,9 @@ std::vector<Value> read_elements(const Document& document, const tinygltf::Acces
   }
   document.spend(checked_product(document, accessor.count, components, what) * sizeof(Value), what);
   std::vector<Value> values(accessor.count * components);
-  if (data != nullptr) {
+  if (data != nullptr && accessor.componentType == native && stride == element && !values.empty()) {
+    std::memcpy(values.data(), data, values.size() * sizeof(Value));
+  } else if (data != nullptr) {
     for (std::size_t i = 0; i < accessor.count; ++i) {
       for (std::size_t c = 0; c < components; ++c) {
         values[i * components + c] = convert(data + i * stride + c * bytes);
@@ -488,7 +491,7 @@ std::span<const std::byte> image_bytes(const Document& document, std::size_t ind
 std::vector<float> read_floats(const Document& document, int index, std::uint32_t components, std::string_view what) {
   const tinygltf::Accessor& accessor = accessor_at(document, index, components, what);
   std::vector<float> values = read_elements<float>(
-      document, accessor, components, what,
+      document, accessor, components, what, TINYGLTF_COMPONENT_TYPE_FLOAT,
       [&](const unsigned char* from) { return as_float(from, accessor.componentType, accessor.normalized); });
   const auto bad = std::find_if(values.begin(), values.end(), [](float value) { return !std::isfinite(value); });
   if (bad != values.end()) {
@@ -505,9 +508,9 @@ std::vector<std::uint32_t> read_unsigned(const Document& document, int index, st
     document.fail(fmt::format("{}: accessor {} holds no unsigned integers", what, index),
                   fmt::format("component type {}", accessor.componentType), "5121, 5123 or 5125");
   }
-  return read_elements<std::uint32_t>(document, accessor, components, what, [&](const unsigned char* from) {
-    return as_unsigned(from, accessor.componentType);
-  });
+  return read_elements<std::uint32_t>(
+      document, accessor, components, what, TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT,
+      [&](const unsigned char* from) { return as_unsigned(from, accessor.componentType); });
 }
 
 }  // namespace heddle::scene::gltf

@@ -15,7 +15,7 @@ struct Document {
   tinygltf::Model model;
   std::vector<std::string> warnings;            // each once
   std::vector<std::string> ignored_extensions;  // used by the file, unknown here
-  mutable std::vector<std::filesystem::path> files;  // this one and those that it names
+  std::vector<std::filesystem::path> files;     // this one and those that it names
 
   void warn(std::string text);
   /// Counts bytes that are about to be made for `what`, and fails beyond the limit. Every byte costs time, so the limit
