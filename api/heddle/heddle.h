@@ -36,6 +36,11 @@ typedef struct heddle_host_options {
    * [main-thread] */
   void (*log)(void* user, uint32_t severity, const char* text);
   void* log_user;
+  /* Told how far a call has come that may take long (loading a file, planning and rendering a frame): what it is at, and
+   * how much of that is done, 0 to 1. Answers 0 to go on; else the call ends with HEDDLE_FAILED, and what it was to change
+   * is as before. NULL: not told. On the thread of the call, which it must not enter again. [main-thread] */
+  uint32_t (*progress)(void* user, const char* activity, double fraction);
+  void* progress_user;
 } heddle_host_options;
 
 /* "0.1.0". [any-thread] */
@@ -156,12 +161,17 @@ HEDDLE_EXPORT heddle_status heddle_scene_set_instance(heddle_scene* scene, uint3
 HEDDLE_EXPORT heddle_status heddle_scene_set_light(heddle_scene* scene, uint32_t id, const heddle_light* light);
 /* Moves a camera. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_t id, const heddle_camera* camera);
+/* Puts a component on a thing of the scene (owner: HEDDLE_OWNER_* of components.h; id: its id, 0 for the scene), or
+ * changes the properties of the one that it has. properties: a JSON object, {"priority": 2}; NULL: none. Roles declare
+ * which components and properties there are (heddle_list); what nobody declares is HEDDLE_BAD_INPUT. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_set_component(heddle_scene* scene, uint32_t owner, uint32_t id,
+                                                       const char* component, const char* properties);
 /* Which camera renders; HEDDLE_NONE: one made to see the whole scene. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_use_camera(heddle_scene* scene, uint32_t id);
 /* The camera in use, as it would render a frame of this shape. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_get_camera(heddle_scene* scene, uint32_t width, uint32_t height,
                                                     heddle_camera* out);
-/* Counts, bounds, names of cameras, lights, materials and animations (with their durations), features, as JSON.
+/* Counts, bounds, names of cameras, lights, materials and animations (with their durations), components, features, as JSON.
  * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_describe(heddle_scene* scene, const char** out_json);
 
@@ -210,6 +220,15 @@ HEDDLE_EXPORT heddle_status heddle_graph_keep(heddle_graph* graph, const char* p
 /* Changes a parameter between frames: "ao.params.radius", "1.5". [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_set(heddle_graph* graph, const char* setting);
 
+/* What a setting of that key says now, as JSON: "extent", "params.exposure", "ao.technique", "ao.params.radius" (its default
+ * if nobody said otherwise), "ao.inputs.depth" (what it is bound to), "ao" (all of a pass); NULL: everything.
+ * [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_get(heddle_graph* graph, const char* key, const char** out_json);
+/* Reads the graph's file (or parses its text) and what it extends again, then applies what was set since; shaders are read
+ * anew at the next frame, and so are plugins that no other graph holds. On an error the graph is as before.
+ * [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_reload(heddle_graph* graph);
+
 #define HEDDLE_RENDER_PROFILE 1u /* submit and wait pass by pass, and time each: slower, for looking */
 typedef struct heddle_render_options {
   uint32_t struct_size;
@@ -237,6 +256,11 @@ HEDDLE_EXPORT heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene
  * out->pixels belongs to the graph. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_read(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
                                         heddle_image* out);
+/* The same into the caller's memory: `capacity` floats at `pixels`, of which width x height x channels are written, straight
+ * from memory that the device shares. pixels NULL: only the shape, nothing is copied. out->pixels is `pixels`.
+ * HEDDLE_BAD_INPUT, and a message with both numbers, if the capacity is too small. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_read_into(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
+                                             float* pixels, uint64_t capacity, heddle_image* out);
 /* Of the last frame: wall time, pass times if profiled, counters of commands, pipelines, memory with and without
  * aliasing, libraries opened; JSON. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_stats(heddle_graph* graph, const char** out_json);

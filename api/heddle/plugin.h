@@ -344,6 +344,9 @@ typedef struct heddle_technique {
    * [record-thread] */
   uint32_t (*activity)(heddle_pass* pass, const heddle_pass_host* host, uint32_t stage, heddle_frame* frame,
                        const heddle_frame_info* info);
+
+  /* Components of the scene that it reads, by name, separated by spaces, or NULL (heddle/components.h). */
+  const char* components;
 } heddle_technique;
 #define HEDDLE_RUN 0u
 #define HEDDLE_KEEP 1u

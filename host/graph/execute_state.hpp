@@ -15,6 +15,7 @@ struct Value {
   bool is_set = false;
   vulkan::Buffer uniform, storage;
   std::uint64_t uniform_range = 0, storage_range = 0;
+  std::uint64_t revision = 0;  // of what a scene's components made; 0: of something else
 };
 
 /// Run-time side of a Resource. Later versions of images and buffers point to their first version by `root`.
@@ -69,6 +70,15 @@ struct heddle_frame {
 
 namespace heddle::graph {
 
+/// What the service heddle.components hands out of one component.
+struct ComponentRows {
+  std::uint64_t revision = 0;
+  std::vector<std::uint32_t> owner_kinds, owners, first_values;
+  std::vector<std::uint64_t> written;
+  std::vector<double> values;
+  std::vector<const char*> property_names;
+};
+
 struct Executor::State {
   HostServices& services;
   ResolvedGraph original;  // as resolved; each plan starts from it
@@ -106,6 +116,8 @@ struct Executor::State {
   const scene::Scene* scene = nullptr;
   std::unique_ptr<scene::SceneBuffers> scene_buffers;
   scene::Snapshot snapshot;
+  std::map<std::string, ComponentRows, std::less<>> component_rows;
+  std::uint64_t component_revision = 0;
   std::optional<heddle_camera> previous_camera;
   glm::dvec3 origin{0.0};
 
@@ -140,6 +152,7 @@ struct Executor::State {
   [[nodiscard]] vulkan::ImageShape image_shape(const Resource& resource) const;
 
   void set_scene_values(const scene::Scene& scene);
+  void set_component_values(const scene::Scene& scene);
   void set_value(ResourceIndex resource, std::span<const std::byte> bytes);
   void begin_commands();
   void submit_and_wait();

@@ -71,6 +71,7 @@ class DescriptorReader {
     technique.features = split_words(optional_text(source.features, "features"));
     technique.device_features = split_words(optional_text(source.device_features, "device_features"));
     technique.fallback = optional_text(source.fallback, "fallback");
+    technique.components = split_words(optional_text(source.components, "components"));
     finish();
     problems_ = broken_rules(technique, where_);
     finish();

@@ -16,7 +16,7 @@ namespace heddle {
 namespace {
 
 // Of the JSON; raised when a key is added, renamed or dropped.
-constexpr std::uint32_t kFormat = 1;
+constexpr std::uint32_t kFormat = 2;
 
 // Words of the enumerations, in the order of their values in plugin.h.
 constexpr std::array<std::string_view, 4> kPortTypes{"image", "buffer", "value", "surfaces"};
@@ -320,7 +320,7 @@ Function read_function(const Node& node) {
 
 Technique read_technique(const Node& node) {
   node.only({"id", "title", "source", "is_reference", "role_revision", "ports", "parameters", "stages", "shaders",
-             "functions", "features", "device_features", "fallback"});
+             "functions", "features", "device_features", "fallback", "components"});
   Technique technique;
   node.at("id").read(technique.id);
   node.at("title").read(technique.title);
@@ -337,6 +337,7 @@ Technique read_technique(const Node& node) {
   node.at("features").read(technique.features);
   node.at("device_features").read(technique.device_features);
   node.at("fallback").read(technique.fallback);
+  node.at("components").read(technique.components);
   return technique;
 }
 
@@ -384,7 +385,8 @@ Json technique_to_json(const Technique& technique) {
           {"functions", list_to_json(technique.functions, function_to_json)},
           {"features", technique.features},
           {"device_features", technique.device_features},
-          {"fallback", technique.fallback}};
+          {"fallback", technique.fallback},
+          {"components", technique.components}};
 }
 
 std::string to_json(const Manifest& manifest) {

@@ -43,6 +43,8 @@ class Registry {
   [[nodiscard]] TechniqueEntry find(std::string_view id) const;
   [[nodiscard]] std::vector<const Technique*> techniques() const;                       // sorted by id
   [[nodiscard]] std::vector<std::string> technique_names(std::string_view role) const;  // without the role, sorted
+  /// Every component that a role declares.
+  [[nodiscard]] const ComponentCatalog& components() const { return components_; }
   /// Folders with shared GLSL ("shared/" of each plugin folder), in order of search.
   [[nodiscard]] std::span<const std::filesystem::path> shared_folders() const { return shared_folders_; }
 
@@ -52,6 +54,7 @@ class Registry {
 
  private:
   std::map<std::string, Role, std::less<>> roles_;
+  ComponentCatalog components_;
   std::vector<std::unique_ptr<Manifest>> manifests_;   // as the libraries describe themselves
   std::vector<std::unique_ptr<Technique>> completed_;  // the same, with what their roles add
   std::map<std::string, TechniqueEntry, std::less<>> techniques_;

@@ -21,7 +21,8 @@ struct BoundPort {
   std::uint32_t layers = 1;
   bool is_cube = false;
   std::array<double, 4> neutral{0, 0, 0, 0};
-  std::string glsl;  // members of a buffer's or value's block
+  std::string glsl;   // members of a buffer's or value's block
+  std::string types;  // what `glsl` needs before it: then the block is a component, an element an owner
 };
 
 /// One provider of a role's functions for one caller.

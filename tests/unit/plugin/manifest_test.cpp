@@ -72,6 +72,7 @@ Technique example() {
   technique.features = {"mesh"};
   technique.device_features = {"rayQuery"};
   technique.fallback = "none";
+  technique.components = {"cloud.layer", "snow.surface"};
   return technique;
 }
 
@@ -118,7 +119,7 @@ TEST(Manifest, ComesBackExactly) {
 }
 
 TEST(Manifest, WithBrokenJsonNamesThePlace) {
-  EXPECT_EQ(message("{\n \"format\": 1,\n \"abi\": [0 1]\n}\n"),
+  EXPECT_EQ(message("{\n \"format\": 2,\n \"abi\": [0 1]\n}\n"),
             kFile.string() +
                 ":3:12: error: manifest: this is no JSON\n"
                 "  help:     manifests are written by heddle-manifest: build the plugin again");
@@ -128,9 +129,9 @@ TEST(Manifest, WithBrokenJsonNamesThePlace) {
 }
 
 TEST(Manifest, OfAnotherFormatSaysSo) {
-  EXPECT_EQ(message(replaced(to_json(example_manifest()), "\"format\": 1", "\"format\": 2")),
+  EXPECT_EQ(message(replaced(to_json(example_manifest()), "\"format\": 2", "\"format\": 1")),
             kFile.string() +
-                ": error: manifest: /format is another format\n  found:    2\n  expected: 1\n"
+                ": error: manifest: /format is another format\n  found:    1\n  expected: 2\n"
                 "  help:     manifests are written by heddle-manifest: build the plugin again");
 }
 
