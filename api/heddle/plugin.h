@@ -440,6 +440,9 @@ typedef struct heddle_technique {
    * frame; what it answers is done when the next one begins. [record-thread] */
   heddle_status (*iterations)(heddle_pass* pass, const heddle_pass_host* host, const heddle_frame_info* info,
                               heddle_iterations* out);
+
+  /* Components of the scene that it reads, by name, separated by spaces, or NULL (heddle/components.h). */
+  const char* components;
 } heddle_technique;
 #define HEDDLE_RUN 0u
 #define HEDDLE_KEEP 1u
