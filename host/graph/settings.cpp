@@ -5,52 +5,17 @@
 
 #include <algorithm>
 
+#include "graph/explain.hpp"
 #include "graph/written.hpp"
 
 namespace heddle::graph {
 namespace {
 
-Json json_of(const Written& written) {
-  if (const auto* list = std::get_if<std::vector<Written>>(&written.value)) {
-    Json json = Json::array();
-    for (const Written& element : *list) json.push_back(json_of(element));
-    return json;
-  }
-  return std::visit(
-      [](const auto& value) -> Json {
-        if constexpr (std::is_same_v<std::decay_t<decltype(value)>, std::vector<Written>>) {
-          return nullptr;
-        } else {
-          return value;
-        }
-      },
-      written.value);
-}
-
-Json json_of(const Parameter& parameter, const ParameterValue& value) {
-  switch (parameter.type) {
-    case ParameterType::kInt:
-      return static_cast<std::int64_t>(value.number[0]);
-    case ParameterType::kBool:
-      return value.number[0] != 0;
-    case ParameterType::kChoice:
-      return parameter.choices.at(static_cast<std::size_t>(value.number[0]));
-    case ParameterType::kColor:
-    case ParameterType::kFloat3:
-      return {value.number[0], value.number[1], value.number[2]};
-    case ParameterType::kNames:
-      return value.names;
-    case ParameterType::kFloat:
-      break;
-  }
-  return value.number[0];
-}
-
 Json json_of(const Pass& pass, const ResolvedGraph& graph) {
   const Technique& technique = *pass.entry.technique;
   Json params = Json::object(), inputs = Json::object(), functions = Json::object();
   for (std::size_t i = 0; i < technique.parameters.size(); ++i) {
-    params[technique.parameters[i].name] = json_of(technique.parameters[i], pass.parameters[i]);
+    params[technique.parameters[i].name] = to_json(technique.parameters[i], pass.parameters[i]);
   }
   for (const Port& port : technique.ports) {
     if (port.direction == Direction::kOut) continue;
@@ -72,8 +37,8 @@ Json settings(const WrittenGraph& written, const ResolvedGraph& resolved) {
             {"output", resolved.output == kNoIndex ? "" : resolved.resources[resolved.output].name},
             {"params", Json::object()},
             {"joins", Json::object()}};
-  for (const auto& [key, value] : written.params) json["params"][key.name] = json_of(value);
-  for (const auto& [key, value] : written.joins) json["joins"][key.name] = json_of(value);
+  for (const auto& [key, value] : written.params) json["params"][key.name] = to_json(value);
+  for (const auto& [key, value] : written.joins) json["joins"][key.name] = to_json(value);
   for (const WrittenPass& pass : written.passes) {
     Json one{{"role", text_of(pass.role)},
              {"technique", text_of(pass.technique)},
