@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <chrono>
+#include <ctime>
 #include <fstream>
 #include <functional>
 
@@ -314,13 +314,14 @@ TEST_F(Registry_, ListsATechniqueOfAnotherAbiAndRefusesToOpenIt) {
 
 TEST_F(Registry_, ReadsAHundredTechniquesInMilliseconds) {
   for (int i = 0; i < 100; ++i) add("a", {blur("t" + std::to_string(i))});
-  const auto start = std::chrono::steady_clock::now();
+  // Of the processor, not of the wall: a neighbour's work must not fail it.
+  const std::clock_t start = std::clock();
   const Registry registry({root_ / "a"});
-  const std::chrono::duration<double, std::milli> time = std::chrono::steady_clock::now() - start;
+  const double milliseconds = 1e3 * static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC;
   EXPECT_EQ(registry.techniques().size(), 100U);
   // `heddle list` has 50 ms in all for some ten techniques, so ten times as many may take that alone; measured 6 to 9
   // ms without a sanitizer.
-  EXPECT_LT(time.count(), 50.0);
+  EXPECT_LT(milliseconds, 50.0);
 }
 
 }  // namespace
