@@ -24,7 +24,7 @@ from ._library import CANCELLED
 Update = Callable[[Scene, float], None]
 
 
-def load_scene(scene: Scene, file: str, trusted: bool = False) -> Callable[[Scene, float], None]:
+def load_scene(scene: Scene, file: str, trusted: bool = False) -> Update:
     """Runs build(scene) of a Python file, or loads a glTF file. Returns what moves the scene to a time: the Python
     file's update(scene, time), if it has one."""
     if not file.endswith(".py"):
@@ -146,7 +146,7 @@ def frame_file(file: str, frame: int) -> str:
 
 
 def load_all(host: Host, scene: Scene, file: str | None,
-             arguments: argparse.Namespace) -> Callable[[Scene, float], None]:
+             arguments: argparse.Namespace) -> Update:
     update = stays if file is None else load_scene(scene, file, arguments.trust_files)
     for overlay in arguments.overlay:
         scene.load(overlay, arguments.trust_files)
@@ -508,7 +508,7 @@ def main() -> int:
     try:
         return arguments.body(arguments)
     except Error as error:
-        if error.status == 6:
+        if error.status == CANCELLED:
             print("stopped", file=sys.stderr)
             return STOPPED
         print(error, file=sys.stderr)
