@@ -237,8 +237,8 @@ BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const 
     }
   }
 
-  // Readers on both sides of a loop's border need no barrier between them where the later ones see all they need already;
-  // whoever comes after both must then wait for both.
+  // Readers on both sides of a loop's border need no barrier between them where the later ones see all they need
+  // already; whoever comes after both must then wait for both.
   for (std::vector<Group>& list : groups)
     for (std::size_t g = 1; g < list.size(); ++g)
       if (is_covered(list[g - 1].info, list[g].info)) widen(list[g].info, list[g - 1].info);

@@ -37,7 +37,7 @@ struct ShaderState {
   std::uint32_t stage = 0;
   vulkan::CompiledShader compiled;
   std::vector<PassIndex> owners;  // parallel to compiled.bindings: whose port or parameters each is
-  vulkan::Constants values;  // that the pipelines were made with
+  vulkan::Constants values;       // that the pipelines were made with
   vulkan::RasterState raster;
   vulkan::Pipeline pipeline;
   vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
@@ -133,7 +133,7 @@ struct Executor::State {
 
   // The plan; valid while `is_planned`.
   bool is_planned = false;
-  bool is_fresh = false;  // no frame was rendered, of this plan or of those that it took over: there is no past
+  bool is_fresh = false;   // no frame was rendered, of this plan or of those that it took over: there is no past
   bool has_frame = false;  // the wanted images hold a frame
   Legacy legacy;
   std::vector<std::uint8_t> is_outdated;  // passes that must run in this plan's first frame; empty: none
