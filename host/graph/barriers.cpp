@@ -31,10 +31,9 @@ VkPipelineStageFlags2 shader_stages(const ResolvedGraph& graph, const ScheduledS
   VkPipelineStageFlags2 stages = 0;
   for (const Shader& shader : technique.shaders) {
     if (shader.stage != stage.name) continue;
+    // Vertex shaders are the surfaces' own: no port is bound to them.
     stages |= shader.kind == ShaderKind::kCompute ? VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT
-              : shader.kind == ShaderKind::kFullscreen
-                  ? VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT
-                  : VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT | VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT;
+                                                  : VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT;
   }
   // Attachments without a raster shader: the technique records draws of its own.
   const bool draws = std::ranges::any_of(stage.accesses, [](const Access& access) {
@@ -237,6 +236,12 @@ BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const 
       groups[resource].push_back({end, info});
     }
   }
+
+  // Readers on both sides of a loop's border need no barrier between them where the later ones see all they need
+  // already; whoever comes after both must then wait for both.
+  for (std::vector<Group>& list : groups)
+    for (std::size_t g = 1; g < list.size(); ++g)
+      if (is_covered(list[g - 1].info, list[g].info)) widen(list[g].info, list[g - 1].info);
 
   // Kept resources go round: the last group of a frame stands before the first one of the next; where a history is
   // read, two memories take turns, and each meets what was done to the other. Readers that meet there in one layout are

@@ -37,7 +37,7 @@ struct ShaderState {
   std::uint32_t stage = 0;
   vulkan::CompiledShader compiled;
   std::vector<PassIndex> owners;  // parallel to compiled.bindings: whose port or parameters each is
-  vulkan::Constants values;  // that the pipelines were made with
+  vulkan::Constants values;       // that the pipelines were made with
   vulkan::RasterState raster;
   vulkan::Pipeline pipeline;
   vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
@@ -133,7 +133,7 @@ struct Executor::State {
 
   // The plan; valid while `is_planned`.
   bool is_planned = false;
-  bool is_fresh = false;  // no frame was rendered, of this plan or of those that it took over: there is no past
+  bool is_fresh = false;   // no frame was rendered, of this plan or of those that it took over: there is no past
   bool has_frame = false;  // the wanted images hold a frame
   Legacy legacy;
   std::vector<std::uint8_t> is_outdated;  // passes that must run in this plan's first frame; empty: none
@@ -195,7 +195,7 @@ struct Executor::State {
 
   void open_device();
   void plan(const scene::Scene& scene);
-  void plan(const std::vector<std::string>& features);
+  void plan(const std::vector<std::string>& features, bool is_restoring = false);
   void plan_memory(const std::vector<std::string>& features);
   void find_needs();
   void unplan();
@@ -206,13 +206,14 @@ struct Executor::State {
   bool keep_adopted(PassIndex pass);
   void adopt_memory(ResourceIndex resource);
   void find_outdated();
-  bool adopt_pipelines(PassState& pass, ShaderState& made);
+  ShaderState* former_pipelines(PassState& pass, const ShaderState& made);
   void open_passes();
   void create(PassState& pass);
   void declare_passes();
   void place_resources();
   void initialize_kept();
-  void compile_passes();
+  ShaderState compile_shader(const PassState& pass, const Shader& shader, bool is_restoring);
+  void compile_passes(bool is_restoring);
   void make_pipelines(ShaderState& shader);
   void write_parameters(PassState& pass);
   [[nodiscard]] vulkan::Constants constants(const vulkan::CompiledShader& shader) const;

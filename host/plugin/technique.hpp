@@ -99,7 +99,7 @@ struct Port {
   std::string glsl;  // filled from the role or the component when the descriptor has none
   std::string help;
   std::string previous_of;  // an output of the same technique
-  std::string types;  // GLSL that `glsl` needs before it; of components, never in a descriptor
+  std::string types;        // GLSL that `glsl` needs before it; of components, never in a descriptor
   [[nodiscard]] bool is_optional() const { return (flags & HEDDLE_PORT_OPTIONAL) != 0; }
   [[nodiscard]] bool is_kept() const { return (flags & HEDDLE_PORT_KEPT) != 0; }
   bool operator==(const Port&) const = default;

@@ -65,14 +65,14 @@ TEST(History, IsNeutralAfterACut) {
   for (int k = 2; k <= 4; ++k) expect_average(frame(graph, scene), k);
 }
 
-TEST(History, OutlivesParametersButNotANewPlan) {
+TEST(History, OutlivesParametersAndANewPlan) {
   Scene scene;
   Graph graph(average_text());
   expect_average(frame(graph, scene), 1);
   graph.set("average.params.value=1.0");
   expect_average(frame(graph, scene), 2);
   graph.keep("average.color");  // plans anew
-  expect_average(frame(graph, scene), 1);
+  expect_average(frame(graph, scene), 3);
 }
 
 TEST(History, StaysWhenItsStageKeepsItsOutputs) {

@@ -155,6 +155,12 @@ class Player {
       if (shader.stage == stage.name)
         stages |=
             shader.kind == ShaderKind::kCompute ? kCompute : kFragment;  // ports are seen by fragment shaders only
+    // Attachments that no raster shader of its own draws into: the technique records draws with pipelines of which the
+    // descriptor tells nothing, and whose shaders may read any port.
+    const bool has_attachments = std::ranges::any_of(stage.accesses, [](const Access& access) {
+      return access.access >= HEDDLE_ACCESS_COLOR && access.access <= HEDDLE_ACCESS_DEPTH_READ;
+    });
+    if (has_attachments && stages == kCompute) stages = 0;
     return stages != 0 ? stages : kVertex | kFragment | kCompute;
   }
 
