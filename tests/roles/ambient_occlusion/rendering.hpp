@@ -76,8 +76,8 @@ inline Shape flat(const shapes::Mesh& mesh) {
   return shape;
 }
 
-/// Of the library, the plugins as the build made them and the default device. Ends with the tests: when the process ends
-/// its driver may be gone.
+/// Of the library, the plugins as the build made them and the default device. Ends with the tests: when the process
+/// ends its driver may be gone.
 struct SharedHost : testing::Environment {
   static inline heddle_host* made = nullptr;
   void TearDown() override {

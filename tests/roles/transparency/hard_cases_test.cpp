@@ -40,12 +40,17 @@ HeddleMaterial glow(double radiance, double coverage) {
   return record;
 }
 
-/// By graphs that stay: what a graph compiles serves all its scenes.
+/// Graphs that stay, by their text: what a graph compiles serves all its scenes. They end before their host, which was
+/// registered first.
+struct Graphs : testing::Environment {
+  static inline std::map<std::string, Graph> made;
+  void TearDown() override { made.clear(); }
+};
+const auto* const graphs = testing::AddGlobalTestEnvironment(new Graphs);
+
 Image rendered(Scene& scene, const Options& options = {}, std::uint32_t size = 32) {
-  (void)Host::get();  // made before the graphs, so it outlives them
-  static std::map<std::string, Graph> graphs;
   const std::string text = graph_text(options, size);
-  return graphs.try_emplace(text, text).first->second.image(scene);
+  return Graphs::made.try_emplace(text, text).first->second.image(scene);
 }
 
 double middle(const Image& image, std::uint32_t channel = 0) {
