@@ -115,8 +115,10 @@ void watch(heddle_host* host, heddle_graph* graph, Owned<heddle_scene>& scene, c
     }
     read_and_render();
     // Files that came into the lists just now are as they were read; others as they were when the waiting ended.
-    before = now;
-    for (auto& [file, stamp] : stamps_of(all())) before.try_emplace(file, stamp);
+    before = stamps_of(all());
+    for (auto& [file, stamp] : before) {
+      if (const auto known = now.find(file); known != now.end()) stamp = known->second;
+    }
   }
 }
 

@@ -33,24 +33,29 @@ def load_scene(scene: Scene, file: str, trusted: bool = False) -> Update:
     path = scene_path(file)
     if path is None or not path.exists():
         raise Error(2, f"error: there is no scene '{file}'\n  help: scenes that come with Heddle lie in scripts/scenes")
+    folder = str(path.resolve().parent)
+    if folder not in sys.path:  # as for a script of its own: it may import what lies beside it
+        sys.path.insert(0, folder)
+    for name in [name for name, module in sys.modules.items() if is_beside(module, folder)]:
+        del sys.modules[name]  # may be another since
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None  # the name ends in .py
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise scene_error(path, "the file itself", error) from error
     if not hasattr(module, "build"):
         raise Error(2, f"{path}: error: the scene has no function build(scene)")
     try:
         module.build(scene)
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise scene_error(path, "build(scene)", error) from error
 
     def update(moved: Scene, time: float) -> None:
         try:
             getattr(module, "update", stays)(moved, time)
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             raise scene_error(path, f"update(scene, {time:g})", error) from error
 
     return update
@@ -65,7 +70,18 @@ def scene_path(file: str | None) -> pathlib.Path | None:
     return shipped if not path.exists() and shipped.exists() else path
 
 
-def scene_error(path: pathlib.Path, where: str, error: Exception) -> Error:
+def is_beside(module: object, folder: str) -> bool:
+    """Whether a module was read from a scene's folder or below, and is neither this package nor an installed one."""
+    file = getattr(module, "__file__", None)
+    if not file or getattr(module, "__name__", "") == "__main__":
+        return False
+    path = pathlib.Path(file).resolve()
+    if not path.is_relative_to(folder) or path.is_relative_to(pathlib.Path(__file__).resolve().parent):
+        return False
+    return not {"site-packages", "dist-packages"} & set(path.parts)
+
+
+def scene_error(path: pathlib.Path, where: str, error: BaseException) -> Error:
     """What a scene's own code raised, at its line of the file, with the calls that led there from the file on."""
     calls = traceback.extract_tb(error.__traceback__)
     own = [i for i, call in enumerate(calls) if pathlib.Path(call.filename) == path]
@@ -267,7 +283,10 @@ def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene
         is_complete = loop["done"] == loop["total"]
         say(arguments, f"loop of pass '{loop['pass']}': {loop['done']} of {loop['total']} iterations" +
             ("" if is_complete else "; more --frames go on where nothing changes, as with --time-step 0"))
-    say(arguments, f"frame {arguments.frames} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms")
+    memory = stats["memory"]
+    say(arguments, f"frame {arguments.frames} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms; transient memory "
+                   f"{memory['transient_bytes'] / 2**20:.1f} MiB "
+                   f"({memory['transient_bytes_without_aliasing'] / 2**20:.1f} MiB without aliasing)")
     if len(frame_ms) > 1:
         say(arguments, "{frames} frames: first {first_ms:.1f} ms; then median {median_ms:.1f} ms "
                        "({minimum_ms:.1f} to {maximum_ms:.1f})".format(**stats["run"]))
@@ -299,14 +318,15 @@ def watch(arguments: argparse.Namespace, host: Host, graph: Graph, scene_file: s
             assert made is not None  # is_scene_due began true
             render_frames(arguments, host, graph, *made, outputs)
             graph_files = set(graph.files())
-            scene_files |= set(made[0].files())
+            scene_files |= set(made[0].files()) | imported_files(scene_file)
         except Error as error:
             if error.status == CANCELLED:
                 raise
+            scene_files |= imported_files(scene_file)
             print(error, file=sys.stderr)
             say(arguments, "waiting for the next change; what was written before stays")
-        # Files that came into the lists just now are as they were read.
-        before = stamps(graph_files | scene_files) | before
+        # Files that came into the lists just now are as they were read; others as they were when the waiting ended.
+        before = {file: before.get(file, stamp) for file, stamp in stamps(graph_files | scene_files).items()}
         last = before
         while True:  # until something differs and nothing moves any more
             sleep(0.2)
@@ -320,6 +340,15 @@ def watch(arguments: argparse.Namespace, host: Host, graph: Graph, scene_file: s
             is_graph_due = is_graph_due or file in graph_files
             is_scene_due = is_scene_due or file in scene_files
         before = now
+
+
+def imported_files(scene_file: str | None) -> set[str]:
+    """Python files beside a scene that it imported."""
+    path = scene_path(scene_file)
+    if path is None or path.suffix != ".py":
+        return set()
+    folder = str(path.resolve().parent)
+    return {str(module.__file__) for module in list(sys.modules.values()) if is_beside(module, folder)}
 
 
 def stamps(files: Iterable[str]) -> dict[str, tuple[int, int]]:

@@ -367,9 +367,10 @@ class Scene(_Object):
 
         pixels:   float32 (height, width) or (height, width, 1, 3 or 4), equirectangular: -Z in the middle, +X to the
                   right of it, +Y on top; linear Rec.709, finite, 0 or above; copied
-        scale:    cd/m^2 of 1
+        scale:    cd/m^2 of 1; 0: dark
         angle:    radians that it is turned about +Y; or
-        rotation: quaternion x y z w, scene from image
+        rotation: quaternion x y z w, scene from image, of any length but 0
+        raises:   Error for what is not so
         """
         if pixels is None:
             self._check(_heddle.heddle_scene_set_environment(self._handle, None))
@@ -379,7 +380,13 @@ class Scene(_Object):
             array = array[:, :, None]
         if array.ndim != 3:
             raise Error(2, f"error: the environment has shape {array.shape}: expected (height, width, 1, 3 or 4)")
+        if not 0 <= scale < float("inf"):
+            raise Error(2, f"error: the environment's scale is {scale}: expected a finite number, 0 or above")
+        if scale == 0:  # of which the library takes 1
+            array, scale = np.zeros_like(array), 1.0
         quaternion = (0.0, np.sin(angle / 2), 0.0, np.cos(angle / 2)) if rotation is None else tuple(rotation)
+        if len(quaternion) != 4 or not any(quaternion):
+            raise Error(2, f"error: the environment's rotation is {quaternion}: expected a quaternion x, y, z, w, not all 0")
         record = c.Environment(ctypes.sizeof(c.Environment), array.shape[1], array.shape[0], array.shape[2],
                                _pointer(array, ctypes.c_float), scale, (ctypes.c_double * 4)(*quaternion))
         self._check(_heddle.heddle_scene_set_environment(self._handle, ctypes.byref(record)))

@@ -91,3 +91,18 @@ def test_the_command_and_python_light_by_the_same_file(host, root, command, tmp_
         made.set_environment(host.read_image(str(file)), 2.0, 0.5)
         graph.render(made)
         np.testing.assert_allclose(graph.read()[..., :3], command_image[..., :3], atol=1e-2)
+
+
+def test_fading_to_nothing_ends_in_the_dark(host, empty):
+    looking(empty, (0, 0, -1))
+    with host.graph("environment", SMALL) as graph:
+        graph.keep("lighting.radiance")
+        for scale in (1.0, 0.001, 0.0):
+            empty.set_environment(np.ones((8, 16), np.float32), scale=scale)
+            np.testing.assert_allclose(radiance(graph, empty), scale, rtol=2e-3)
+
+
+@pytest.mark.parametrize("wrong", [{"scale": -1.0}, {"scale": math.nan}, {"scale": math.inf}, {"rotation": (0, 0, 0, 0)}])
+def test_scales_and_rotations_that_mean_nothing_are_refused(empty, wrong):
+    with pytest.raises(heddle.Error, match=next(iter(wrong))):
+        empty.set_environment(np.ones((8, 16), np.float32), **wrong)

@@ -189,7 +189,8 @@ class Watched:
         self.log = folder / "stderr"
         self.output = folder / "picture.png"
         with self.log.open("w") as errors:
-            self.process = subprocess.Popen([command, "run", "deferred", *arguments, "--set", "extent=[64,48]", "--watch",
+            graph = [] if any(word.endswith(".toml") for word in arguments) else ["deferred"]
+            self.process = subprocess.Popen([command, "run", *graph, *arguments, "--set", "extent=[64,48]", "--watch",
                                              "--output", str(self.output)], cwd=root, stderr=errors)
 
     def __enter__(self):
@@ -226,24 +227,39 @@ def test_watch_renders_again_and_keeps_the_last_good_picture(command, root, plug
 
 
 SCENE = """
-import heddle.shapes
+import paint
 
 def build(scene):
     positions, indices = [[-1, -1, 0], [1, -1, 0], [0, 1, 0]], [0, 1, 2]
-    scene.instance(scene.mesh(positions, scene.material(base_color=(0.8, 0.1, 0.1, 1)), indices))
+    scene.instance(scene.mesh(positions, scene.material(base_color=paint.COLOR), indices))
     scene.camera((0, 0, 3), (0, 0, 0))
 """
 
 
-def test_watch_reads_a_python_scene_again(command, root, tmp_path, host):
-    file = tmp_path / "scene.py"
-    file.write_text(SCENE)
-    with Watched(command, root, tmp_path, str(file)) as watched:
+def test_watch_reads_a_python_scene_and_what_it_imports_again(command, root, tmp_path, host):
+    scene, paint = tmp_path / "scene.py", tmp_path / "paint.py"
+    scene.write_text(SCENE)
+    paint.write_text("COLOR = (0.8, 0.1, 0.1, 1)\n")
+    with Watched(command, root, tmp_path, str(scene)) as watched:
         watched.wait_for("planned in")
         red = host.read_image(watched.output)[24, 32]
-        edit(file, "(0.8, 0.1, 0.1, 1)", "(0.1, 0.1, 0.8, 1")
-        assert f"{file}:6" in watched.wait_for("waiting for the next change")
-        edit(file, "(0.1, 0.1, 0.8, 1", "(0.1, 0.1, 0.8, 1)")
+        edit(paint, "(0.8, 0.1, 0.1, 1)", "(0.1, 0.1, 0.8, 1")
+        watched.wait_for("waiting for the next change")
+        edit(paint, "(0.1, 0.1, 0.8, 1", "(0.1, 0.1, 0.8, 1)")
         watched.wait_for("planned in", 2)
         blue = host.read_image(watched.output)[24, 32]
         assert red[0] > 1.5 * red[2] and blue[2] > 1.5 * blue[0]
+        edit(scene, "def build(scene):", "def build(scene):\n    raise SystemExit(0)")
+        assert f"{scene}:5: error: in build(scene): SystemExit" in watched.wait_for("waiting for the next change", 2)
+
+
+def test_watch_renders_once_for_a_change_of_the_files_that_are_watched(command, root, tmp_path):
+    graph = tmp_path / "mine.toml"
+    graph.write_text('extends = "deferred"\nextent = [32, 24]\n[[pass]]\nname = "ao"\ntechnique = "gtao"\n')
+    with Watched(command, root, tmp_path, str(graph)) as watched:
+        watched.wait_for("planned in")
+        edit(graph, "gtao", "ssao")
+        watched.wait_for("planned in", 2)
+        edit(graph, "ssao", "none")  # said after whatever was due before it
+        watched.wait_for("planned in", 3)
+        assert watched.log.read_text().count("wrote ") == 3
