@@ -248,8 +248,12 @@ class Scene(_Object):
     def texture(self, pixels: ArrayLike, srgb: bool = True, wrap: str = "repeat", name: str | None = None,
                 nearest: bool = False) -> int:
         """pixels: uint8 (height, width, 4), top row first. wrap: repeat, mirror or clamp. nearest: texels are seen as
-        squares. Returns the id."""
-        array = np.ascontiguousarray(pixels, dtype=np.uint8)
+        squares. Returns the id. raises: Error for another shape, and for numbers that are no integers of 0 to 255"""
+        given = np.asarray(pixels)
+        array = np.ascontiguousarray(given, dtype=np.uint8)
+        if given.dtype.kind not in "iub" or not np.array_equal(array, given):
+            raise Error(2, f"error: a texture is of {given.dtype}: expected uint8, 0 to 255\n  help:     "
+                           "(255 * pixels + 0.5).astype(numpy.uint8) for numbers of 0 to 1")
         if array.ndim != 3 or array.shape[2] != 4:
             raise Error(2, f"error: a texture has shape {array.shape}: expected (height, width, 4)")
         side = _choice(wrap, WRAPS, "wrap")
@@ -393,6 +397,8 @@ class Scene(_Object):
 
     def use_camera(self, index: int | None) -> None:
         """Which camera renders; None: one made to see the whole scene."""
+        if index is not None and not 0 <= index < c.NONE:
+            raise Error(2, f"error: there is no camera {index}: expected 0 or above, or None")
         self._check(_heddle.heddle_scene_use_camera(self._handle, c.NONE if index is None else index))
 
     def set_time(self, time: float) -> None:
@@ -508,6 +514,8 @@ class Graph(_Object):
     def _options(self, scene: Scene, time: float | None, time_step: float, seed: int, cut: bool = False,
                  profile: bool = False, anew: bool = False) -> c.RenderOptions:
         time = scene._time if time is None else float(time)
+        if not 0 <= seed < 2**64:
+            raise Error(2, f"error: the seed is {seed}: expected an integer of 0 to 2^64 - 1")
         self._last = (scene, time_step, seed)
         flags = (c.RENDER_PROFILE if profile else 0) | (c.RENDER_ANEW if anew else 0)
         return c.RenderOptions(ctypes.sizeof(c.RenderOptions), flags, time, time_step, seed, int(cut), 0)
@@ -565,9 +573,12 @@ class Graph(_Object):
         self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, None, 0, ctypes.byref(image)))
         shape = (image.height, image.width, image.channels)
         array = np.empty(shape, np.float32) if out is None else out
+        expected = f"\n  expected: a float32 array {shape}, contiguous and writeable"
+        if not isinstance(array, np.ndarray):
+            raise Error(2, f"error: 'out' is of type {type(array).__name__}{expected}")
         if array.shape != shape or array.dtype != np.float32 or not (array.flags.c_contiguous and array.flags.writeable):
             raise Error(2, f"error: 'out' is {array.dtype} {array.shape}, {'' if array.flags.c_contiguous else 'not '}"
-                           f"contiguous\n  expected: float32 {shape}, contiguous and writeable")
+                           f"contiguous, {'' if array.flags.writeable else 'not '}writeable{expected}")
         self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, _pointer(array, ctypes.c_float),
                                              array.size, ctypes.byref(image)))
         return array

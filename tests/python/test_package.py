@@ -106,13 +106,13 @@ def test_read_writes_into_memory_of_the_callers(host):
         graph.render(scene)
         assert graph.read().tobytes() != first.tobytes()
         assert first.tobytes() == kept.tobytes()
-        for wrong, found in ((np.empty((36, 64, 3), np.float32), "float32 (36, 64, 3), contiguous"),
-                             (np.empty((36, 64, 4)), "float64 (36, 64, 4), contiguous"),
-                             (np.empty((36, 128, 4), np.float32)[:, ::2], "float32 (36, 64, 4), not contiguous")):
+        for wrong, found in ((np.empty((36, 64, 3), np.float32), "float32 (36, 64, 3), contiguous, writeable"),
+                             (np.empty((36, 64, 4)), "float64 (36, 64, 4), contiguous, writeable"),
+                             (np.empty((36, 128, 4), np.float32)[:, ::2], "float32 (36, 64, 4), not contiguous, writeable")):
             with pytest.raises(heddle.Error) as raised:
                 graph.read(out=wrong)
             assert str(raised.value) == (f"error: 'out' is {found}\n"
-                                         "  expected: float32 (36, 64, 4), contiguous and writeable")
+                                         "  expected: a float32 array (36, 64, 4), contiguous and writeable")
     assert first.tobytes() == kept.tobytes()
 
 
@@ -223,3 +223,20 @@ def test_the_notebook_compares_techniques_at_a_tiny_size(root, tmp_path):
     for name in ("gtao", "ray_traced"):
         assert (tmp_path / f"occlusion_{name}.png").exists()
     assert (tmp_path / "occlusion.png").exists() or "matplotlib is not installed" in run.stdout
+
+
+@pytest.mark.parametrize("wrong, message", [
+    (lambda scene, graph: scene.texture(np.full((2, 2, 4), 0.5)), "expected uint8"),
+    (lambda scene, graph: scene.texture(np.full((2, 2, 4), 300)), "expected uint8"),
+    (lambda scene, graph: scene.use_camera(-1), "no camera -1"),
+    (lambda scene, graph: graph.render(scene, seed=-1), "seed is -1"),
+    (lambda scene, graph: graph.render(scene, seed=2**70), "seed is"),
+    (lambda scene, graph: graph.read(out=[1, 2]), "of type list"),
+    (lambda scene, graph: graph.read(out=np.broadcast_to(np.float32(0), graph.read().shape)), "not contiguous, not writeable"),
+])
+def test_arguments_that_would_become_others_are_refused(wrong, message):
+    with heddle.Host() as host, host.graph("deferred", SMALL) as graph, host.scene() as scene:
+        build(scene)
+        graph.render(scene)
+        with pytest.raises(heddle.Error, match=message):
+            wrong(scene, graph)
