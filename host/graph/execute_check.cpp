@@ -138,15 +138,7 @@ void Executor::State::scan_outputs(std::uint32_t index) {
     }
     barrier_between_all(vk, commands, state.image, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, state.layout);
   }
-  VkMemoryBarrier2 to_host{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
-  to_host.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT;
-  to_host.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
-  to_host.dstStageMask = VK_PIPELINE_STAGE_2_HOST_BIT;
-  to_host.dstAccessMask = VK_ACCESS_2_HOST_READ_BIT;
-  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
-  dependency.memoryBarrierCount = 1;
-  dependency.pMemoryBarriers = &to_host;
-  vk.CmdPipelineBarrier2(commands, &dependency);
+  show_copies_to_host(vk, commands);
 }
 
 /// Keeps the first value that breaks a rule. The device is done with the copies.

@@ -398,15 +398,7 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     frame.mappings.push_back(std::move(mapping));
   }
   if (reads_device) {
-    VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
-    memory.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT;
-    memory.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
-    memory.dstStageMask = VK_PIPELINE_STAGE_2_HOST_BIT;
-    memory.dstAccessMask = VK_ACCESS_2_HOST_READ_BIT;
-    VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
-    dependency.memoryBarrierCount = 1;
-    dependency.pMemoryBarriers = &memory;
-    vk.CmdPipelineBarrier2(commands, &dependency);
+    show_copies_to_host(vk, commands);
     submit_and_wait();
     begin_commands();
     ++stats.stalls;

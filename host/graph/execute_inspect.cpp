@@ -94,15 +94,7 @@ void Executor::State::look_at_outputs(std::uint32_t index) {
     looks.push_back(std::move(look));
   }
   if (!has_copied) return;
-  VkMemoryBarrier2 to_host{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
-  to_host.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT;
-  to_host.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
-  to_host.dstStageMask = VK_PIPELINE_STAGE_2_HOST_BIT;
-  to_host.dstAccessMask = VK_ACCESS_2_HOST_READ_BIT;
-  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
-  dependency.memoryBarrierCount = 1;
-  dependency.pMemoryBarriers = &to_host;
-  vk.CmdPipelineBarrier2(commands, &dependency);
+  show_copies_to_host(vk, commands);
 }
 
 Json Executor::inspect(const scene::Scene& rendered, const FrameOptions& options, std::vector<Pixel> pixels) {

@@ -19,8 +19,8 @@ VkImageAspectFlags aspect_of(std::uint32_t format) {
                                                                      : VK_IMAGE_ASPECT_COLOR_BIT;
 }
 
-/// Before the frame's own commands and after everything of the last frame, or the other way round: these few commands
-/// are not in the plan, so they are ordered against everything.
+}  // namespace
+
 Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout to) {
   Barrier barrier;
   barrier.resource = resource;
@@ -33,7 +33,17 @@ Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout t
   return barrier;
 }
 
-}  // namespace
+void show_copies_to_host(const heddle_vulkan& vk, VkCommandBuffer commands) {
+  VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
+  memory.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT;
+  memory.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
+  memory.dstStageMask = VK_PIPELINE_STAGE_2_HOST_BIT;
+  memory.dstAccessMask = VK_ACCESS_2_HOST_READ_BIT;
+  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+  dependency.memoryBarrierCount = 1;
+  dependency.pMemoryBarriers = &memory;
+  vk.CmdPipelineBarrier2(commands, &dependency);
+}
 
 /// Copies last frame's contents to where this frame's are made. Both keep their layouts.
 void Executor::State::carry_over(ResourceIndex newest, ResourceIndex history) {
@@ -169,15 +179,7 @@ void Executor::State::run_read_back(const ScheduledStage& scheduled) {
     copy_to_host(bound->second, copy.buffer);
     copy.frame = info.index;
   }
-  VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
-  memory.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT;
-  memory.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
-  memory.dstStageMask = VK_PIPELINE_STAGE_2_HOST_BIT;
-  memory.dstAccessMask = VK_ACCESS_2_HOST_READ_BIT;
-  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
-  dependency.memoryBarrierCount = 1;
-  dependency.pMemoryBarriers = &memory;
-  device->table().CmdPipelineBarrier2(commands, &dependency);
+  show_copies_to_host(device->table(), commands);
 }
 
 /// What the stage maps in this frame: the copy of `latency` frames ago, or zeros.

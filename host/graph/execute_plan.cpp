@@ -365,30 +365,14 @@ void Executor::State::initialize_kept() {
       ResourceState& state = resources[i];
       const bool lasts = layouts[i] != VK_IMAGE_LAYOUT_UNDEFINED;
       if (state.is_adopted && state.image && lasts) {
-        Barrier barrier;
-        barrier.resource = i;
-        barrier.source_stages = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
-        barrier.source_access = VK_ACCESS_2_MEMORY_WRITE_BIT;
-        barrier.target_stages = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
-        barrier.target_access = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
-        barrier.old_layout = state.layout;
-        barrier.new_layout = layouts[i];
-        record_barriers({&barrier, 1});
+        record_barriers(std::array{full_barrier(i, state.layout, layouts[i])});
       } else if (state.is_adopted) {
         continue;
       } else if (state.image && lasts) {
         const Pass& producer = graph.passes[maker_of(graph, resource)];
         const RolePort* port = producer.role->find_port(resource.port);
         clear_image(state, resource, port != nullptr ? port->neutral : std::array<double, 4>{0, 0, 0, 0});
-        Barrier barrier;
-        barrier.resource = i;
-        barrier.source_stages = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
-        barrier.source_access = VK_ACCESS_2_MEMORY_WRITE_BIT;
-        barrier.target_stages = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
-        barrier.target_access = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
-        barrier.old_layout = state.layout;
-        barrier.new_layout = layouts[i];
-        record_barriers({&barrier, 1});
+        record_barriers(std::array{full_barrier(i, state.layout, layouts[i])});
       } else if (state.buffer && resource.is_kept) {
         device->table().CmdFillBuffer(buffer, state.buffer.handle(), 0, VK_WHOLE_SIZE, 0);
         // That the host waits makes it available, and visible to nobody.

@@ -329,6 +329,11 @@ void barrier_between_all(const heddle_vulkan& vk, VkCommandBuffer commands, cons
 std::vector<VkBufferImageCopy> all_mips(const Resource& resource);
 std::uint64_t bytes_of(const std::vector<VkBufferImageCopy>& regions, const Resource& resource);
 
+/// Commands that are in no plan, at a frame's start or between frames, are ordered against everything.
+Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout to);
+/// What was copied to host memory is there for the host once the fence is.
+void show_copies_to_host(const heddle_vulkan& vk, VkCommandBuffer commands);
+
 /// Fills the C functions of a pass's host side.
 void fill_pass_host(PassState& pass, const heddle_vulkan& table);
 
