@@ -16,7 +16,7 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterable
-from time import sleep
+from time import sleep, time_ns
 
 from . import Error, Graph, Host, Scene, version
 from ._library import CANCELLED
@@ -306,6 +306,7 @@ def watch(arguments: argparse.Namespace, host: Host, graph: Graph, scene_file: s
     before = stamps(graph_files | scene_files)
     say(arguments, f"watching {len(before)} files; Ctrl-C ends")
     while True:
+        began = time_ns()
         try:
             if is_scene_due:
                 fresh = make_scene(arguments, host, scene_file)
@@ -325,8 +326,10 @@ def watch(arguments: argparse.Namespace, host: Host, graph: Graph, scene_file: s
             scene_files |= imported_files(scene_file)
             print(error, file=sys.stderr)
             say(arguments, "waiting for the next change; what was written before stays")
-        # Files that came into the lists just now are as they were read; others as they were when the waiting ended.
-        before = {file: before.get(file, stamp) for file, stamp in stamps(graph_files | scene_files).items()}
+        # Known files are as they were when the waiting ended. Of those that came into the lists just now nobody knows
+        # whether they were read before or after a change since this began: they count as changed.
+        before = {file: before.get(file, stamp if stamp[0] < began else (0, 0))
+                  for file, stamp in stamps(graph_files | scene_files).items()}
         last = before
         while True:  # until something differs and nothing moves any more
             sleep(0.2)

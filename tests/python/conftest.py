@@ -3,6 +3,7 @@
 
 import os
 import pathlib
+import signal
 
 import pytest
 
@@ -10,6 +11,13 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 os.environ.setdefault("HEDDLE_DEVICE", "llvmpipe")
 BUILD = pathlib.Path(os.environ.get("HEDDLE_BUILD", ROOT / "build"))
 os.environ.setdefault("HEDDLE_LIBRARY", str(BUILD / "lib" / "libheddle.so"))
+
+
+def default_signals():
+    """For preexec_fn: a process that is started in the background may have been told to ignore SIGINT, and its children
+    would."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.SIG_DFL)
 
 
 @pytest.fixture(scope="session")

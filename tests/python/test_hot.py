@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import heddle
+from conftest import default_signals
 from heddle.__main__ import load_scene
 
 SMALL = ["extent=[64,48]"]
@@ -191,7 +192,7 @@ class Watched:
         with self.log.open("w") as errors:
             graph = [] if any(word.endswith(".toml") for word in arguments) else ["deferred"]
             self.process = subprocess.Popen([command, "run", *graph, *arguments, "--set", "extent=[64,48]", "--watch",
-                                             "--output", str(self.output)], cwd=root, stderr=errors)
+                                             "--output", str(self.output)], cwd=root, stderr=errors, preexec_fn=default_signals)
 
     def __enter__(self):
         return self

@@ -10,6 +10,7 @@ import time
 import pytest
 
 import heddle
+from conftest import default_signals
 
 FRAMES = ["--set", "extent=[64,48]", "--frames", "100000", "--output"]
 # One scene for the command itself, one that the command hands to Python.
@@ -17,7 +18,8 @@ SCENES = {"command": [], "python": ["scripts/scenes/material_grid.py"]}
 
 
 def start(command, root, arguments):
-    return subprocess.Popen([command, "run", "deferred", *arguments], cwd=root, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen([command, "run", "deferred", *arguments], cwd=root, stderr=subprocess.PIPE, text=True,
+                            preexec_fn=default_signals)
 
 
 def wait_for(condition, process):
