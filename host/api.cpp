@@ -506,8 +506,9 @@ heddle_status heddle_schema(heddle_host* host, const char* kind, const char** ou
     if (name != "graph" && name != "scene") {
       throw Error(HEDDLE_BAD_INPUT, fmt::format("there is no schema of '{}'", name), "one of graph, scene");
     }
-    host->schema_text =
-        write_json(name == "graph" ? heddle::graph::schema(*host->registry) : heddle::scene::overlay_schema(), 2);
+    host->schema_text = write_json(name == "graph" ? heddle::graph::schema(*host->registry)
+                                                   : heddle::scene::overlay_schema(host->registry->components()),
+                                   2);
     *out_json = host->schema_text.c_str();
   });
 }

@@ -39,6 +39,59 @@ Json name(std::string_view help) {
 const Json kUnit{{"minimum", 0}, {"maximum", 1}}, kNotNegative{{"minimum", 0}}, kPositive{{"exclusiveMinimum", 0}},
     kAngle{{"minimum", 0}, {"maximum", std::numbers::pi}};
 
+Json property(const ComponentProperty& declared) {
+  std::string help = declared.help;
+  if (!declared.unit.empty() && declared.unit != "1") help += " [" + declared.unit + "]";
+  Json range = Json::object();
+  if (declared.range) range = {{"minimum", (*declared.range)[0]}, {"maximum", (*declared.range)[1]}};
+  switch (declared.type) {
+    case PropertyType::kBool:
+      return boolean(help);
+    case PropertyType::kChoice:
+      return word(help, declared.choices);
+    case PropertyType::kColor:
+    case PropertyType::kFloat3:
+      return numbers(3, help, std::move(range));
+    case PropertyType::kInt: {
+      Json json = number(help, std::move(range));
+      json["type"] = "integer";
+      return json;
+    }
+    case PropertyType::kFloat:
+      break;
+  }
+  return number(help, std::move(range));
+}
+
+/// components.shadow.settings, or components."shadow.settings": those that may sit on this kind of thing.
+Json components(const ComponentCatalog& catalog, Owner owner) {
+  Json json{{"type", "object"},
+            {"description", "extras that some techniques read, as roles declare them"},
+            {"properties", Json::object()},
+            {"additionalProperties", false}};
+  for (const std::string& name : catalog.names()) {
+    const ComponentType& type = *catalog.find(name);
+    if (!type.sits_on(owner)) continue;
+    Json one{{"type", "object"},
+             {"description", type.title},
+             {"properties", Json::object()},
+             {"additionalProperties", false}};
+    for (const ComponentProperty& declared : type.properties) one["properties"][declared.name] = property(declared);
+    const std::size_t dot = name.find('.');
+    Json& of_role = json["properties"][name.substr(0, dot)];
+    if (of_role.is_null()) {
+      of_role = {{"type", "object"}, {"properties", Json::object()}, {"additionalProperties", false}};
+    }
+    of_role["properties"][name.substr(dot + 1)] = one;
+    json["properties"][name] = std::move(one);
+  }
+  return json;
+}
+
+Json instance() {
+  return {{"name", name("of an instance that the scene has")}};
+}
+
 Json table(std::string_view help, Json properties) {
   return {{"type", "array"},
           {"description", help},
@@ -96,12 +149,18 @@ Json material() {
 
 }  // namespace
 
-Json overlay_schema() {
+Json overlay_schema(const ComponentCatalog& catalog) {
+  const auto with_components = [&](Json keys, Owner owner) {
+    keys["components"] = components(catalog, owner);
+    return keys;
+  };
   Json properties{{"file", text("the scene that is changed, a path from this file's folder; without it the one that is "
                                 "there")},
                   {"camera", table("[[camera]] for each", camera())},
-                  {"light", table("[[light]] for each", light())},
-                  {"material", table("[[material]] for each", material())},
+                  {"light", table("[[light]] for each", with_components(light(), Owner::kLight))},
+                  {"material", table("[[material]] for each", with_components(material(), Owner::kMaterial))},
+                  {"instance", table("[[instance]] for each", with_components(instance(), Owner::kInstance))},
+                  {"components", components(catalog, Owner::kScene)},
                   {"use_camera", text("name of the camera that renders")},
                   {"animation", text("name of the animation that plays; \"none\": at rest")},
                   {"loop", boolean("whether the animation begins again after its end")}};

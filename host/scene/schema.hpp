@@ -3,10 +3,11 @@
 #pragma once
 
 #include "json.hpp"
+#include "plugin/component.hpp"
 
 namespace heddle::scene {
 
-/// The keys and ranges of overlay.cpp; a test compares both.
-Json overlay_schema();
+/// The keys and ranges of overlay.cpp, and the components that roles declare; a test compares both.
+Json overlay_schema(const ComponentCatalog& catalog);
 
 }  // namespace heddle::scene

@@ -17,7 +17,7 @@ def test_the_command_explains_one_pass(command):
     done = explain(command, "deferred", "--why", "contact", "--set", "contact.params.distance=0.2")
     assert done.returncode == 0, done.stderr
     lines = done.stdout.splitlines()
-    assert lines[0] == "pass 'contact' (shadow/ray_marched_screen) runs: answers 'shadow' for 'lighting'"
+    assert lines[0] == "pass 'contact' (shadow/ray_marched_screen) runs: answers 'shadow' for 'transparency'"
     assert any(line.split() == ["params.distance", "0.2", "--set"] for line in lines)
 
 

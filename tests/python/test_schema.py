@@ -26,7 +26,8 @@ NEEDS_THE_GRAPH = {
     "setting_of_an_unknown_technique", "setting_out_of_range", "setting_with_half_an_array",
     "setting_without_a_value", "setting_without_an_equals_sign", "two_passes_of_one_name",
     "unknown_pass_in_an_input", "unknown_port_in_an_input", "unknown_port_of_the_scene", "unknown_preset",
-    "unknown_provider",
+    "unknown_provider", "history_changed_in_place", "history_of_an_unknown_pass", "history_of_an_unknown_version",
+    "history_of_surfaces", "history_of_what_is_not_kept", "output_of_an_earlier_frame",
 }
 # JSON has one kind of number, and NaN is outside of no range; the tests' own technique has a narrower range.
 IS_NO_MISTAKE_HERE = {"number_for_an_integer", "nan", "parameter_out_of_range"}
@@ -79,6 +80,8 @@ def default_of(parameter):
     numbers = parameter["default"]
     if parameter["type"] == "names":
         return []
+    if parameter["type"] == "text":
+        return ""
     if parameter["type"] == "choice":
         return parameter["choices"][int(numbers[0])]
     if parameter["type"] == "bool":
@@ -91,7 +94,8 @@ def default_of(parameter):
 def wrong_values(parameter):
     """Values of another type, and on both sides of the range."""
     yield {"a": "table"}
-    yield "no preset and no choice"
+    if parameter["type"] != "text":
+        yield "no preset and no choice"
     if parameter["type"] not in ("names", "color", "float3"):
         yield [1.0]
     if parameter["type"] in ("float", "int"):
@@ -142,12 +146,18 @@ def test_an_overlay_may_leave_out_what_its_base_says_and_a_whole_graph_may_not(s
     assert mistakes(schemas["graph"], strange) != []
 
 
+def add_named(scene):
+    """What overlays below change."""
+    paint = scene.material("paint")
+    scene.instance(scene.mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], paint, [0, 1, 2]), name="part")
+
+
 def expected_keys(host, tmp_path, text):
     """The keys that the reader names when it meets one that it does not know."""
     file = tmp_path / "a.scene.toml"
     file.write_text(text)
     with host.scene() as scene:
-        scene.material("paint")
+        add_named(scene)
         with pytest.raises(heddle.Error) as error:
             scene.load(file)
     (line,) = [line for line in str(error.value).splitlines() if line.startswith("  expected: one of file")
@@ -159,6 +169,7 @@ OVERLAYS = {
     "camera": {"name": "new", "position": [0, 0, 1], "target": [0, 0, 0]},
     "light": {"name": "new", "type": "point", "intensity": [1, 1, 1]},
     "material": {"name": "paint"},
+    "instance": {"name": "part"},
 }
 
 
@@ -201,7 +212,7 @@ def test_scene_ranges_are_those_of_the_reader(schemas, host, tmp_path):
                 table = {**base, key: value}
                 file.write_text(to_toml(kind, table))
                 with host.scene() as scene:
-                    scene.material("paint")
+                    add_named(scene)
                     try:
                         scene.load(file)
                         is_taken = True

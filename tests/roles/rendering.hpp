@@ -14,6 +14,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <memory>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -34,13 +35,13 @@ struct Image {
   }
 };
 
-/// One host for all tests of an executable.
+/// One host for all tests of an executable. It ends with the tests: when the process ends its driver may be gone.
 class Host {
  public:
   static inline std::uint32_t flags = 0;  // HEDDLE_HOST_*, set before the first get()
   static Host& get() {
-    static Host host;
-    return host;
+    if (!shared) shared.reset(new Host);
+    return *shared;
   }
   heddle_host* handle = nullptr;
   std::vector<std::string> log;  // warnings and information, since clear()
@@ -49,6 +50,13 @@ class Host {
   Host& operator=(const Host&) = delete;
 
  private:
+  struct End : testing::Environment {
+    void TearDown() override { shared.reset(); }
+  };
+  friend std::default_delete<Host>;
+  static inline std::unique_ptr<Host> shared;
+  static inline const auto* const end = testing::AddGlobalTestEnvironment(new End);
+
   Host() {
     const std::string path = HEDDLE_BUILD_DIR "/lib/heddle/plugins:" HEDDLE_BUILD_DIR "/tests/plugins";
     heddle_host_options options{};

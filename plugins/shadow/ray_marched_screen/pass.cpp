@@ -8,9 +8,11 @@ using namespace heddle::pass;
 
 constexpr double kStepsLadder[] = {4, 8, 16, 32, 64, 128};
 constexpr heddle_parameter kParameters[] = {
-    parameter("distance", "m", 1e-6, 1e4, 0.3, "length of the ray"),
+    parameter("distance", "m", 1e-6, 1e4, 0.3, "length of the ray, at most"),
     knob(integer("steps", "1", 1, 128, 16, "samples along the ray", HEDDLE_PARAMETER_CONSTANT), kStepsLadder),
-    parameter("thickness", "m", 1e-6, 1e4, 0.1, "how far behind a visible surface there still is something"),
+    parameter("thickness", "m", 1e-6, 1e4, 0.1,
+              "how far behind a visible surface there still is something; shortened as the ray is"),
+    parameter("stride", "px", 0.25, 1024, 4, "longest step: nearby, rays are no longer than `steps` of these"),
     toggle("dither", true, "starts each pixel's steps elsewhere, by a fixed pattern: bands become noise"),
 };
 

@@ -76,23 +76,27 @@ inline Shape flat(const shapes::Mesh& mesh) {
   return shape;
 }
 
-/// The library, its plugins as the build made them, the default device. One for the whole process.
+/// Of the library, the plugins as the build made them and the default device. Ends with the tests: when the process ends
+/// its driver may be gone.
+struct SharedHost : testing::Environment {
+  static inline heddle_host* made = nullptr;
+  void TearDown() override {
+    if (made != nullptr) heddle_destroy(made);
+    made = nullptr;
+  }
+};
+inline const auto* const shared_host = testing::AddGlobalTestEnvironment(new SharedHost);
+
 inline heddle_host* host() {
-  struct Destroy {
-    void operator()(heddle_host* made) const { heddle_destroy(made); }
-  };
-  static const std::unique_ptr<heddle_host, Destroy> shared = [] {
-    heddle_host_options options{};
-    options.struct_size = sizeof options;
-    options.plugin_path = HEDDLE_BUILD_DIR "/lib/heddle/plugins";
-    options.cache_path = HEDDLE_BUILD_DIR "/test-cache";
-    heddle_host* made = nullptr;
-    if (heddle_create(&options, &made) != HEDDLE_OK) {
-      ADD_FAILURE() << heddle_error(nullptr);
-    }
-    return std::unique_ptr<heddle_host, Destroy>(made);
-  }();
-  return shared.get();
+  if (SharedHost::made != nullptr) return SharedHost::made;
+  heddle_host_options options{};
+  options.struct_size = sizeof options;
+  options.plugin_path = HEDDLE_BUILD_DIR "/lib/heddle/plugins";
+  options.cache_path = HEDDLE_BUILD_DIR "/test-cache";
+  if (heddle_create(&options, &SharedHost::made) != HEDDLE_OK) {
+    ADD_FAILURE() << heddle_error(nullptr);
+  }
+  return SharedHost::made;
 }
 
 inline void require(heddle_status status) {
