@@ -165,6 +165,14 @@ typedef struct heddle_stage {
    * which one it is. Values and surfaces are this frame's. 0: all is this frame's, and the GPU is waited for */
   uint32_t latency;
   uint32_t loop_part; /* HEDDLE_LOOP_*; only techniques with a heddle_loop */
+  /* cpu: what the stage writes is an artifact, which the host keeps on disk: execute is not called where the same was
+   * made before, also by another process. It is the same where the library's file, the stage, the contents and shapes of
+   * the ports that it declares, and these parameters, separated by spaces, are the same ("": no parameter matters).
+   * In execute nothing else can be asked for: other parameters, other shapes, resolve_path and services of functions are
+   * HEDDLE_BUG; frame, time, seed and origins are 0, `cut` 1; `environment` is unturned, of scale 1 and revision 0. It
+   * leaves nothing behind but its outputs: HOST_WRITE of out ports, whose bytes are 0 before, and out values. No
+   * surfaces, no latency, no loop_part. HEDDLE_HOST_CHECK always calls it. NULL: not cached */
+  const char* cached_by;
 } heddle_stage;
 #define HEDDLE_MOST_LATENCY 16u
 #define HEDDLE_LOOP_OUTSIDE 0u /* once a frame: before the iterations if it stands before their stages, else after */
@@ -389,6 +397,11 @@ struct heddle_pass_host {
    * and may include files of that folder and of plugins/shared. HEDDLE_BUG elsewhere, or if there is no such file.
    * [main-thread] */
   heddle_status (*set_text)(const heddle_pass_host* self, const char* name, const char* glsl);
+
+  /* ---- long work ---- */
+  /* In execute, from time to time where it takes long: how much of it is done, 0 to 1, for the person at the screen.
+   * HEDDLE_CANCELLED: the application wants it to stop, so execute returns that at once. [record-thread] */
+  heddle_status (*progress)(const heddle_pass_host* self, heddle_frame* frame, double done);
 };
 
 /* ---- Technique ---------------------------------------------------------------------------------------------------- */

@@ -59,7 +59,10 @@ _is_asked = False
 
 def open_host(arguments: argparse.Namespace, check: bool = False) -> Host:
     global _host
-    _host = Host(arguments.device, arguments.validation, arguments.plugins, check=check)
+    # As the command does: information too, such as how far long work has come.
+    log = None if arguments.quiet else lambda _severity, text: print(text, file=sys.stderr)
+    _host = Host(arguments.device, arguments.validation, arguments.plugins, log=log, check=check,
+                 remake=getattr(arguments, "remake", False))
     return _host
 
 
@@ -362,6 +365,7 @@ def main() -> int:
             command.add_argument("--time-step", type=float, default=1 / 60, help="seconds from frame to frame")
             command.add_argument("--stats", help="write counters, memory and times as JSON; - for standard output")
             command.add_argument("--profile", action="store_true")
+            command.add_argument("--remake", action="store_true", help="make artifacts that the cache holds again")
             command.add_argument("--check", action="store_true",
                                  help="prove barriers and search outputs for NaN, Inf and values out of range")
         elif name == "check":

@@ -118,6 +118,7 @@ class Host(_Object):
     check:       prove of each frame that barriers cover every hazard, and search what passes make for NaN, Inf and values
                  out of their role's range; what is found raises Error. Slow. Render three frames
     plugin_path: folders separated by ':'; None: the library's own
+    remake:      make artifacts that the cache holds again, and replace them
     log:         called with (severity 0 error, 1 warning, 2 information; text); None: warnings go to stderr
     raises:      Error
     """
@@ -125,10 +126,11 @@ class Host(_Object):
     _destroy = _heddle.heddle_destroy
 
     def __init__(self, device: str | None = None, validation: bool = False, plugin_path: str | None = None,
-                 log: Callable[[int, str], None] | None = None, check: bool = False):
+                 log: Callable[[int, str], None] | None = None, check: bool = False, remake: bool = False):
         say = log if log is not None else _log_to_stderr
         self._log = c.LogFunction(lambda _user, severity, text: say(severity, text.decode()))
         flags = (c.HOST_VALIDATION if validation else 0) | (c.HOST_CHECK if check else 0)
+        flags |= c.HOST_REMAKE if remake else 0
         options = c.HostOptions(ctypes.sizeof(c.HostOptions), flags, _encode(device), _encode(plugin_path), None,
                                 self._log, None)
         handle = ctypes.c_void_p()
