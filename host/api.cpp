@@ -6,6 +6,7 @@
 #include "graph/execute.hpp"
 #include "graph/inspection.hpp"
 #include "graph/schema.hpp"
+#include "graph/settings.hpp"
 #include "image/image.hpp"
 #include "json.hpp"
 #include "plugin/list.hpp"
@@ -15,6 +16,7 @@
 #include "scene/schema.hpp"
 #include "scene/upload.hpp"
 
+#include <heddle/components.h>
 #include <heddle/heddle.h>
 
 #include <dlfcn.h>
@@ -79,6 +81,7 @@ std::filesystem::path default_cache_folder() {
 
 struct heddle_host {
   std::function<void(Severity, std::string_view)> log;
+  std::function<void(std::string_view, double)> progress;  // empty: nobody is told
   std::string device_name;
   bool validation = false;
   bool check = false;
@@ -107,12 +110,14 @@ struct heddle_scene {
 
 struct heddle_graph {
   heddle_host* host = nullptr;
+  std::function<heddle::graph::WrittenGraph()> read;  // from its file or text
+  std::vector<std::string> settings;                  // applied to what that reads, in their order
   heddle::graph::WrittenGraph written;
   std::vector<std::string> kept;
   std::unique_ptr<heddle::graph::Executor> executor;
   std::function<heddle::graph::WrittenGraph()> read;  // from files, or from the text that was given
   std::vector<std::string> settings;
-  std::string explanation, pass_explanation, description, stats, check_report, inspection, files;
+  std::string explanation, pass_explanation, description, stats, check_report, inspection, files, got;
   heddle::graph::Executor::ReadBack read_back;
 };
 
@@ -453,6 +458,14 @@ heddle_status heddle_create(const heddle_host_options* options, heddle_host** ou
     } else {
       host->log = [](Severity, std::string_view) {};
     }
+    if (chosen.progress != nullptr) {
+      host->progress = [tell = chosen.progress, user = chosen.progress_user](std::string_view activity,
+                                                                             double fraction) {
+        if (tell(user, std::string(activity).c_str(), fraction) != 0) {
+          throw Error(HEDDLE_FAILED, fmt::format("cancelled at: {}", activity));
+        }
+      };
+    }
     host->device_name = text_or_empty(chosen.device);
     host->validation = (chosen.flags & HEDDLE_HOST_VALIDATION) != 0;
     host->check = (chosen.flags & HEDDLE_HOST_CHECK) != 0;
@@ -467,7 +480,7 @@ heddle_status heddle_create(const heddle_host_options* options, heddle_host** ou
     const std::filesystem::path cache = chosen.cache_path != nullptr ? chosen.cache_path : default_cache_folder();
     host->services = std::make_unique<heddle::graph::HostServices>(heddle::graph::HostServices{
         *host->registry, [raw = host.get()]() -> heddle::vulkan::Device& { return raw->open_device(); }, cache,
-        host->log, &host->is_cancelled,
+        host->log, &host->is_cancelled, host->progress,
         heddle::graph::ArtifactCache(cache.empty() ? cache : cache / "artifacts", kMostArtifactBytes),
         (chosen.flags & HEDDLE_HOST_REMAKE) != 0});
     *out = host.release();
@@ -575,6 +588,7 @@ heddle_status heddle_scene_create(heddle_host* host, heddle_scene** out) {
   return guarded(host->error, [&] {
     auto scene = std::make_unique<heddle_scene>();
     scene->host = host;
+    scene->scene.components.catalog = &host->registry->components();
     *out = scene.release();
   });
 }
@@ -593,6 +607,7 @@ heddle_status heddle_scene_load_with(heddle_scene* scene, const char* path, cons
     heddle::scene::LoadLimits limits;
     if (chosen.memory_limit != 0) limits.bytes = chosen.memory_limit;
     if ((chosen.flags & HEDDLE_LOAD_TRUSTED) != 0) limits = {~std::uint64_t{0}, true};
+    limits.progress = scene->host->progress;
     const std::size_t warnings = scene->scene.warnings.size(), ignored = scene->scene.ignored_extensions.size();
     if (std::string_view(path).ends_with(".toml")) {
       heddle::scene::load_overlay(scene->scene, path, limits);
@@ -750,6 +765,52 @@ heddle_status heddle_scene_set_environment(heddle_scene* scene, const heddle_env
   });
 }
 
+heddle_status heddle_scene_set_component(heddle_scene* scene, uint32_t owner, uint32_t id, const char* component,
+                                         const char* properties) {
+  return guarded(scene->host->error, [&] {
+    heddle::scene::Scene& changed = scene->scene;
+    std::string name;
+    const auto find = [&](const auto& things, std::string_view kind) {
+      check_id(id, things, kind);
+      name = things[id].name;
+    };
+    switch (owner) {
+      case HEDDLE_OWNER_SCENE:
+        if (id != 0) throw Error(HEDDLE_BAD_INPUT, fmt::format("the scene itself has the id 0, not {}", id));
+        break;
+      case HEDDLE_OWNER_INSTANCE:
+        find(changed.instances, "instance");
+        break;
+      case HEDDLE_OWNER_MATERIAL:
+        find(changed.materials, "material");
+        break;
+      case HEDDLE_OWNER_LIGHT:
+        find(changed.lights, "light");
+        break;
+      default:
+        throw Error(HEDDLE_BAD_INPUT, fmt::format("there is no kind of owner {}: expected HEDDLE_OWNER_*", owner));
+    }
+    const auto kind = static_cast<heddle::Owner>(owner);
+    std::string place(heddle::to_word(kind));
+    if (owner != HEDDLE_OWNER_SCENE) place += fmt::format(" {} '{}'", id, name);
+    heddle::GivenComponent given{text_or_empty(component), {}, place, {}};
+    try {
+      const Json json = heddle::parse_json(properties == nullptr ? "{}" : properties);
+      if (!json.is_object()) {
+        throw Error(HEDDLE_BAD_INPUT, fmt::format("{}: the properties of '{}' are no JSON object", place, given.name));
+      }
+      for (const auto& [property, value] : json.items()) given.properties.push_back({property, value, {}, place});
+    } catch (const Json::parse_error& error) {
+      throw Error(HEDDLE_BAD_INPUT,
+                  fmt::format("{}: the properties of '{}' are no JSON, at byte {}", place, given.name, error.byte));
+    }
+    std::vector<heddle::Diagnostic> problems;
+    const auto values = heddle::read_component(changed.components.catalog, given, {&kind, 1}, problems);
+    if (!values) throw Error(HEDDLE_BAD_INPUT, std::move(problems));
+    changed.components.attach(*values, kind, id);
+  });
+}
+
 heddle_status heddle_scene_use_camera(heddle_scene* scene, uint32_t id) {
   return guarded(scene->host->error, [&] {
     if (id != HEDDLE_NONE) check_id(id, scene->scene.cameras, "camera");
@@ -823,12 +884,12 @@ heddle::graph::WrittenGraph write_again(const heddle_graph& graph) {
 }
 
 heddle_status make_graph(heddle_host* host, const char* const* settings, uint32_t setting_count, heddle_graph** out,
-                         const std::function<heddle::graph::WrittenGraph()>& read) {
+                         std::function<heddle::graph::WrittenGraph()> read) {
   *out = nullptr;
   return guarded(host->error, [&] {
     auto graph = std::make_unique<heddle_graph>();
     graph->host = host;
-    graph->read = read;
+    graph->read = std::move(read);
     graph->settings.assign(settings, settings + setting_count);
     resolve_into(*graph, write_again(*graph));
     *out = graph.release();
@@ -934,6 +995,19 @@ heddle_status heddle_graph_files(heddle_graph* graph, const char** out_json) {
   });
 }
 
+heddle_status heddle_graph_get(heddle_graph* graph, const char* key, const char** out_json) {
+  return guarded(graph->host->error, [&] {
+    const Json all =
+        heddle::graph::settings(graph->written, heddle::graph::resolve(graph->written, *graph->host->registry));
+    graph->got = write_json(heddle::graph::find_setting(all, text_or_empty(key)));
+    *out_json = graph->got.c_str();
+  });
+}
+
+heddle_status heddle_graph_reload(heddle_graph* graph) {
+  return guarded(graph->host->error, [&] { read_anew(*graph); });
+}
+
 namespace {
 
 heddle::graph::FrameOptions frame_options(const heddle_render_options* options) {
@@ -1017,6 +1091,16 @@ heddle_status heddle_read(heddle_graph* graph, const char* port, uint32_t layer,
     graph->read_back = graph->executor->read(text_or_empty(port), layer, mip);
     const auto& read = graph->read_back;
     *out = {sizeof *out, read.width, read.height, read.channels, read.pixels.data()};
+  });
+}
+
+heddle_status heddle_read_into(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip, float* pixels,
+                               uint64_t capacity, heddle_image* out) {
+  return guarded(graph->host->error, [&] {
+    std::optional<std::span<float>> into;
+    if (pixels != nullptr) into = std::span<float>(pixels, capacity);
+    const auto read = graph->executor->read_into(text_or_empty(port), layer, mip, into);
+    *out = {sizeof *out, read.width, read.height, read.channels, pixels};
   });
 }
 

@@ -37,6 +37,11 @@ typedef struct heddle_host_options {
    * [main-thread] */
   void (*log)(void* user, uint32_t severity, const char* text);
   void* log_user;
+  /* Told how far a call has come that may take long (loading a file, planning and rendering a frame): what it is at, and
+   * how much of that is done, 0 to 1. Answers 0 to go on; else the call ends with HEDDLE_FAILED, and what it was to change
+   * is as before. NULL: not told. On the thread of the call, which it must not enter again. [main-thread] */
+  uint32_t (*progress)(void* user, const char* activity, double fraction);
+  void* progress_user;
 } heddle_host_options;
 
 /* "0.1.0". [any-thread] */
@@ -177,12 +182,17 @@ HEDDLE_EXPORT heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_
 /* The scene's environment; NULL: none. Seen by graphs with a technique that reads it, sky/environment_map.
  * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_environment(heddle_scene* scene, const heddle_environment* environment);
+/* Puts a component on a thing of the scene (owner: HEDDLE_OWNER_* of components.h; id: its id, 0 for the scene), or
+ * changes the properties of the one that it has. properties: a JSON object, {"priority": 2}; NULL: none. Roles declare
+ * which components and properties there are (heddle_list); what nobody declares is HEDDLE_BAD_INPUT. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_set_component(heddle_scene* scene, uint32_t owner, uint32_t id,
+                                                       const char* component, const char* properties);
 /* Which camera renders; HEDDLE_NONE: one made to see the whole scene. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_use_camera(heddle_scene* scene, uint32_t id);
 /* The camera in use, as it would render a frame of this shape. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_get_camera(heddle_scene* scene, uint32_t width, uint32_t height,
                                                     heddle_camera* out);
-/* Counts, bounds, names of cameras, lights, materials and animations (with their durations), features, as JSON.
+/* Counts, bounds, names of cameras, lights, materials and animations (with their durations), components, features, as JSON.
  * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_describe(heddle_scene* scene, const char** out_json);
 /* Files that were read for the scene, with those that they name, as a JSON array of paths. [main-thread] */
@@ -249,6 +259,15 @@ HEDDLE_EXPORT heddle_status heddle_graph_reload(heddle_graph* graph);
 /* Files that heddle_graph_reload would read, as a JSON array of paths. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_files(heddle_graph* graph, const char** out_json);
 
+/* What a setting of that key says now, as JSON: "extent", "params.exposure", "ao.technique", "ao.params.radius" (its default
+ * if nobody said otherwise), "ao.inputs.depth" (what it is bound to), "ao" (all of a pass); NULL: everything.
+ * [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_get(heddle_graph* graph, const char* key, const char** out_json);
+/* Reads the graph's file (or parses its text) and what it extends again, then applies what was set since; shaders are read
+ * anew at the next frame, and so are plugins that no other graph holds. On an error the graph is as before.
+ * [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_graph_reload(heddle_graph* graph);
+
 #define HEDDLE_RENDER_PROFILE 1u /* submit and wait pass by pass, and time each: slower, for looking */
 #define HEDDLE_RENDER_ANEW 2u    /* render even what is complete and unchanged: for measuring. PROFILE does so too */
 typedef struct heddle_render_options {
@@ -289,6 +308,11 @@ HEDDLE_EXPORT heddle_status heddle_inspect(heddle_graph* graph, heddle_scene* sc
  * out->pixels belongs to the graph. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_read(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
                                         heddle_image* out);
+/* The same into the caller's memory: `capacity` floats at `pixels`, of which width x height x channels are written, straight
+ * from memory that the device shares. pixels NULL: only the shape, nothing is copied. out->pixels is `pixels`.
+ * HEDDLE_BAD_INPUT, and a message with both numbers, if the capacity is too small. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_read_into(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
+                                             float* pixels, uint64_t capacity, heddle_image* out);
 /* Of the last frame: wall time, pass times if profiled, counters of commands and pipelines, instances drawn and culled,
  * memory with and without aliasing, libraries opened. "artifacts": of each stage that is cached, where what it made last came
  * from, since the graph was loaded: {"pass", "stage", "origin": "made" or "cache", "key", "file" ("" if it could not be

@@ -48,6 +48,7 @@
 // object. Setters of plugin.h's structures that have no builder are plain fields: change them on the builder's result.
 #pragma once
 
+#include <heddle/components.h>
 #include <heddle/plugin.h>
 
 #include <array>
@@ -55,8 +56,10 @@
 #include <cstdint>
 #include <exception>
 #include <new>
+#include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <type_traits>
 
 namespace heddle::pass {
@@ -448,6 +451,56 @@ class PassHost {
   const heddle_pass_host* host_;
 };
 
+/// One component of the rendered scene: a row for each thing that has it. Valid until the frame's call returns; empty
+/// on a host without the service.
+class Components {
+ public:
+  explicit Components(const heddle_component_table& table) : table_(table) {}
+  [[nodiscard]] std::uint32_t count() const { return table_.count; }
+  [[nodiscard]] std::uint64_t revision() const { return table_.revision; }
+  [[nodiscard]] std::uint32_t owner_kind(std::uint32_t row) const { return table_.owner_kinds[row]; }
+  [[nodiscard]] std::uint32_t owner(std::uint32_t row) const { return table_.owners[row]; }
+  /// The row of a thing.
+  [[nodiscard]] std::optional<std::uint32_t> find(std::uint32_t kind, std::uint32_t id) const {
+    std::uint32_t low = 0, high = table_.count;
+    while (low < high) {
+      const std::uint32_t middle = low + (high - low) / 2;
+      const bool is_before =
+          table_.owner_kinds[middle] != kind ? table_.owner_kinds[middle] < kind : table_.owners[middle] < id;
+      if (is_before)
+        low = middle + 1;
+      else
+        high = middle;
+    }
+    const bool is_found = low < table_.count && table_.owner_kinds[low] == kind && table_.owners[low] == id;
+    return is_found ? std::optional(low) : std::nullopt;
+  }
+  /// A property that the scene wrote: its first number.
+  [[nodiscard]] std::optional<double> written(std::uint32_t row, std::string_view property) const {
+    const std::uint32_t i = index(property);
+    if (i == table_.property_count || (table_.written[row] >> i & 1U) == 0) return std::nullopt;
+    return at(row, i)[0];
+  }
+  /// A property's numbers, the default where nothing was written; empty for an unknown name.
+  [[nodiscard]] std::span<const double> values(std::uint32_t row, std::string_view property) const {
+    const std::uint32_t i = index(property);
+    if (i == table_.property_count) return {};
+    const std::uint32_t end = i + 1 == table_.property_count ? table_.value_count : table_.first_values[i + 1];
+    return {at(row, i), end - table_.first_values[i]};
+  }
+
+ private:
+  [[nodiscard]] std::uint32_t index(std::string_view property) const {
+    std::uint32_t i = 0;
+    while (i < table_.property_count && property != table_.property_names[i]) ++i;
+    return i;
+  }
+  [[nodiscard]] const double* at(std::uint32_t row, std::uint32_t property) const {
+    return table_.values + std::size_t{row} * table_.value_count + table_.first_values[property];
+  }
+  heddle_component_table table_;
+};
+
 /// One record or execute call: the stage, the frame, and what may be done in it. Not to be kept.
 class Frame {
  public:
@@ -470,6 +523,17 @@ class Frame {
   heddle_status set_value(const char* port_name, std::span<const T> data) const {
     static_assert(std::is_trivially_copyable_v<T>);
     return host_->set_value(host_, frame_, port_name, data.data(), data.size_bytes());
+  }
+
+  /// A component that the technique names in `components`; *out is empty on an error.
+  [[nodiscard]] heddle_status components(const char* name, std::optional<Components>& out) const {
+    heddle_component_table table{};
+    table.struct_size = sizeof table;
+    heddle_status status = HEDDLE_OK;
+    const auto* service = host().service<heddle_components_service>(HEDDLE_COMPONENTS_SERVICE);
+    if (service != nullptr) status = service->table(host_, frame_, name, &table);
+    out.emplace(status == HEDDLE_OK ? table : heddle_component_table{});
+    return status;
   }
 
   // cpu stages

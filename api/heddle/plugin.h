@@ -166,12 +166,12 @@ typedef struct heddle_stage {
   uint32_t latency;
   uint32_t loop_part; /* HEDDLE_LOOP_*; only techniques with a heddle_loop */
   /* cpu: what the stage writes is an artifact, which the host keeps on disk: execute is not called where the same was
-   * made before, also by another process. It is the same where the library's file, the stage, the contents and shapes of
-   * the ports that it declares, and these parameters, separated by spaces, are the same ("": no parameter matters).
-   * In execute nothing else can be asked for: other parameters, other shapes, resolve_path and services of functions are
-   * HEDDLE_BUG; frame, time, seed and origins are 0, `cut` 1; `environment` is unturned, of scale 1 and revision 0. It
-   * leaves nothing behind but its outputs: HOST_WRITE of out ports, whose bytes are 0 before, and out values. No
-   * surfaces, no latency, no loop_part. HEDDLE_HOST_CHECK always calls it. NULL: not cached */
+   * made before, by whichever process. It is the same where the library's file, the stage, the contents and shapes of the
+   * ports that it declares, and these parameters, separated by spaces, are the same ("": no parameter matters). In execute
+   * all else is HEDDLE_BUG to ask for: other parameters and ports, components, files, services of functions; frame, time,
+   * seed and origins are 0, `cut` is 1, `environment` is unturned, of scale 1 and revision 0. It leaves nothing behind but
+   * its outputs: HOST_WRITE of out ports, whose bytes are 0 before, and out values. No surfaces, no latency, no loop_part.
+   * With HEDDLE_HOST_CHECK it is always called. NULL: not cached */
   const char* cached_by;
 } heddle_stage;
 #define HEDDLE_MOST_LATENCY 16u
@@ -400,7 +400,7 @@ struct heddle_pass_host {
 
   /* ---- long work ---- */
   /* In execute, from time to time where it takes long: how much of it is done, 0 to 1, for the person at the screen.
-   * HEDDLE_CANCELLED: the application wants it to stop, so execute returns that at once. [record-thread] */
+   * Other than HEDDLE_OK: the application wants it to stop, so execute returns that at once. [record-thread] */
   heddle_status (*progress)(const heddle_pass_host* self, heddle_frame* frame, double done);
 };
 
@@ -453,6 +453,9 @@ typedef struct heddle_technique {
    * frame; what it answers is done when the next one begins. [record-thread] */
   heddle_status (*iterations)(heddle_pass* pass, const heddle_pass_host* host, const heddle_frame_info* info,
                               heddle_iterations* out);
+
+  /* Components of the scene that it reads, by name, separated by spaces, or NULL (heddle/components.h). */
+  const char* components;
 } heddle_technique;
 #define HEDDLE_RUN 0u
 #define HEDDLE_KEEP 1u

@@ -23,6 +23,18 @@ void print_parameters(const Json& technique) {
   }
 }
 
+void print_components(const Json& role) {
+  for (const Json& component : role["components"]) {
+    std::string on;
+    for (const Json& owner : component["on"]) on += (on.empty() ? "" : ", ") + owner.get<std::string>();
+    fmt::print("  component {}, on {}: {}\n", component["name"].get<std::string>(), on, component.value("title", ""));
+    for (const Json& property : component["properties"]) {
+      fmt::print("      {:<22} {:<8} {}\n", property["name"].get<std::string>(), property.value("unit", ""),
+                 property.value("help", ""));
+    }
+  }
+}
+
 int list(const HostArguments& arguments, const std::string& only_role, bool as_json) {
   const Owned<heddle_host> host = make_host(arguments);
   const char* text = nullptr;
@@ -45,6 +57,7 @@ int list(const HostArguments& arguments, const std::string& only_role, bool as_j
                  technique.value("is_reference", false) ? " [reference]" : "");
       if (!only_role.empty()) print_parameters(technique);
     }
+    if (!only_role.empty()) print_components(role);
   }
   if (!is_known) {
     std::vector<std::string> names;
@@ -58,7 +71,8 @@ int list(const HostArguments& arguments, const std::string& only_role, bool as_j
 }  // namespace
 
 void add_list(CLI::App& app, int* exit_status) {
-  CLI::App* command = app.add_subcommand("list", "roles and their techniques; with a role: its parameters too");
+  CLI::App* command =
+      app.add_subcommand("list", "roles and their techniques; with a role: its parameters and components too");
   struct Arguments {
     HostArguments host;
     std::string role;

@@ -21,6 +21,8 @@ struct HostServices {
   std::filesystem::path cache_folder;
   std::function<void(Severity, std::string_view)> log;
   std::atomic<bool>* is_cancelled = nullptr;  // set by any thread; whoever stops for it clears it
+  /// How far something long has come, 0 to 1; throws to end it. May be empty.
+  std::function<void(std::string_view, double)> progress;
   ArtifactCache artifacts{{}, 0};
   bool remakes_artifacts = false;  // makes them even if the cache has them
 };
@@ -115,6 +117,9 @@ class Executor {
     std::vector<float> pixels;
   };
   ReadBack read(std::string_view resource, std::uint32_t layer, std::uint32_t mip);
+  /// The same into `pixels`, or nothing but the shape if that is empty; the answer's own pixels are empty.
+  ReadBack read_into(std::string_view resource, std::uint32_t layer, std::uint32_t mip,
+                     std::optional<std::span<float>> pixels);
   [[nodiscard]] const FrameStats& stats() const;
   /// format: text, json or dot. Before the first frame: planned as far as it can be without a scene.
   std::string explain(std::string_view format);

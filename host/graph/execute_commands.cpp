@@ -3,6 +3,8 @@
 
 #include "graph/execute_state.hpp"
 
+#include <heddle/components.h>
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -96,8 +98,57 @@ std::uint32_t parameter(const heddle_pass_host* self, const char* name, double o
   return 0;
 }
 
-const void* service(const heddle_pass_host*, const char*) {
-  return nullptr;
+heddle_status component_table(const heddle_pass_host* self, heddle_frame*, const char* name,
+                              heddle_component_table* out) {
+  PassState& pass = state_of(self);
+  Executor::State& executor = executor_of(pass);
+  if (!is_in_key(pass, false, fmt::format("the component '{}'", name))) return HEDDLE_BUG;
+  const std::vector<std::string>& named = executor.technique_of(pass).components;
+  if (std::find(named.begin(), named.end(), name) == named.end()) {
+    return wrong(pass,
+                 fmt::format("asks for the component '{}', which heddle_technique.components does not name", name));
+  }
+  return guarded(pass, [&] {
+    const ComponentType& type = *executor.services.registry.components().find(name);
+    const scene::Components& components = executor.scene->components;
+    ComponentRows& rows = executor.component_rows[name];
+    if (rows.revision != executor.component_revision) {
+      rows = {};
+      rows.revision = executor.component_revision;
+      for (const scene::Component& component : components.of(name)) {
+        rows.owner_kinds.push_back(static_cast<std::uint32_t>(component.owner));
+        rows.owners.push_back(component.id);
+        rows.written.push_back(component.written);
+        rows.values.insert(rows.values.end(), component.values.begin(), component.values.end());
+      }
+      std::uint32_t first = 0;
+      for (const ComponentProperty& property : type.properties) {
+        rows.property_names.push_back(property.name.c_str());
+        rows.first_values.push_back(first);
+        first += property.count();
+      }
+    }
+    heddle_component_table table{};
+    table.struct_size = std::min<std::uint32_t>(out->struct_size, sizeof table);
+    table.count = static_cast<std::uint32_t>(rows.owners.size());
+    table.property_count = static_cast<std::uint32_t>(rows.property_names.size());
+    table.value_count = type.value_count();
+    table.revision = rows.revision;
+    table.owner_kinds = rows.owner_kinds.data();
+    table.owners = rows.owners.data();
+    table.written = rows.written.data();
+    table.values = rows.values.data();
+    table.property_names = rows.property_names.data();
+    table.first_values = rows.first_values.data();
+    std::memcpy(out, &table, table.struct_size);
+    return HEDDLE_OK;
+  });
+}
+
+constexpr heddle_components_service kComponentsService{sizeof(heddle_components_service), 0, component_table};
+
+const void* service(const heddle_pass_host*, const char* id) {
+  return std::strcmp(id, HEDDLE_COMPONENTS_SERVICE) == 0 ? &kComponentsService : nullptr;
 }
 
 void fill_shape(const Executor::State& executor, const Pass& pass, const std::string& port, heddle_shape& out) {
@@ -122,6 +173,7 @@ heddle_status shape(const heddle_pass_host* self, const char* port, heddle_shape
   if (executor.technique_of(pass).find_port(port) == nullptr) {
     return wrong(pass, fmt::format("asks for the shape of an unknown port '{}'", port));
   }
+  if (!is_in_key(pass, is_of_cached_stage(pass, port), fmt::format("the shape of port '{}'", port))) return HEDDLE_BUG;
   heddle_shape filled{};
   fill_shape(executor, executor.pass_of(pass), port, filled);
   const std::uint32_t size = std::min(out->struct_size, filled.struct_size);
@@ -462,19 +514,24 @@ heddle_status set_text(const heddle_pass_host* self, const char* name, const cha
 }
 
 heddle_status progress(const heddle_pass_host* self, heddle_frame* frame, double done) {
-  const PassState& pass = state_of(self);
-  const Executor::State& executor = executor_of(pass);
-  if (executor.services.is_cancelled != nullptr && executor.services.is_cancelled->load()) return HEDDLE_CANCELLED;
-  const auto now = std::chrono::steady_clock::now();
-  if (now - frame->told < kTellEvery) return HEDDLE_OK;
-  frame->told = now;
-  const Pass& declared = executor.pass_of(pass);
-  executor.services.log(
-      Severity::kInfo,
-      fmt::format("pass '{}' ({}): {}, {:.0f} % after {:.0f} s", declared.name, declared.entry.technique->id,
-                  executor.technique_of(pass).stages[frame->stage->stage].name, 100.0 * std::clamp(done, 0.0, 1.0),
-                  std::chrono::duration<double>(now - frame->began).count()));
-  return HEDDLE_OK;
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    const Executor::State& executor = executor_of(pass);
+    if (executor.services.is_cancelled != nullptr && executor.services.is_cancelled->load()) return HEDDLE_CANCELLED;
+    const Pass& declared = executor.pass_of(pass);
+    const std::string& stage = executor.technique_of(pass).stages[frame->stage->stage].name;
+    done = std::clamp(done, 0.0, 1.0);
+    if (executor.services.progress) {
+      executor.services.progress(fmt::format("stage '{}' of pass '{}'", stage, declared.name), done);
+    }
+    const auto now = std::chrono::steady_clock::now();
+    if (now - frame->told < kTellEvery) return HEDDLE_OK;
+    frame->told = now;
+    executor.services.log(Severity::kInfo,
+                          fmt::format("stage '{}' of pass '{}': {:.0f} % after {:.0f} s", stage, declared.name,
+                                      100.0 * done, std::chrono::duration<double>(now - frame->began).count()));
+    return HEDDLE_OK;
+  });
 }
 
 const char* light_type_name(std::uint32_t type) {

@@ -188,6 +188,23 @@ VkDescriptorBufferInfo Executor::State::storage_of(Value& value) {
   return {value.storage.handle(), 0, value.bytes.size() + 16};
 }
 
+/// Components as shaders see them; made anew when a component changed, or for another scene.
+void Executor::State::set_component_values(const scene::Scene& rendered) {
+  // Both only grow, and content revisions of two scenes are far apart: no two tables have the same number.
+  component_revision = rendered.content_revision + rendered.components.revision();
+  for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+    const Resource& resource = graph.resources[i];
+    const bool is_scene = resource.producer == kNoIndex && resource.history_of == kNoIndex;
+    if (!is_scene || resource.type != PortType::kValue) continue;
+    const auto component = services.registry.components().find_port(resource.port);
+    if (!component) continue;
+    Value& value = resources[i].value;
+    if (value.is_set && value.revision == component_revision) continue;
+    set_value(i, scene::component_elements(rendered.components, *component->type, component->owner));
+    value.revision = component_revision;
+  }
+}
+
 void Executor::State::set_scene_values(const scene::Scene& rendered) {
   const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
   previous_origin = origin;
@@ -203,6 +220,7 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     if (resource.port == "lights") set_value(i, std::as_bytes(std::span(lights)));
     if (resource.port == "environment") set_environment(i, rendered);
   }
+  set_component_values(rendered);
   previous_camera = camera;
   if (!scene_buffers || scene != &rendered) {
     scene_buffers = std::make_unique<scene::SceneBuffers>(*device, materials_layout);
@@ -523,6 +541,15 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
 }
 
 Executor::ReadBack Executor::read(std::string_view name, std::uint32_t layer, std::uint32_t mip) {
+  ReadBack result = read_into(name, layer, mip, std::nullopt);
+  std::vector<float> pixels(std::size_t{result.width} * result.height * result.channels);
+  (void)read_into(name, layer, mip, pixels);
+  result.pixels = std::move(pixels);
+  return result;
+}
+
+Executor::ReadBack Executor::read_into(std::string_view name, std::uint32_t layer, std::uint32_t mip,
+                                       std::optional<std::span<float>> pixels) {
   State& s = *state_;
   const ResourceIndex resource = name.empty() ? s.graph.output : find_resource(s.graph, name);
   if (!s.is_planned || !s.has_frame) {
@@ -546,7 +573,16 @@ Executor::ReadBack Executor::read(std::string_view name, std::uint32_t layer, st
   result.width = std::max(shape.width >> mip, 1U);
   result.height = std::max(shape.height >> mip, 1U);
   result.channels = vulkan::format_info(shape.format).channels;
-  result.pixels = vulkan::to_float(s.device->read_back(state.image, layer, mip, state.layout), shape.format);
+  if (!pixels) return result;
+  const std::size_t count = std::size_t{result.width} * result.height * result.channels;
+  if (pixels->size() < count) {
+    throw Error(HEDDLE_BAD_INPUT, fmt::format("port '{}' has {} x {} x {} = {} numbers; there is room for {}",
+                                              s.graph.resources[resource].name, result.width, result.height,
+                                              result.channels, count, pixels->size()));
+  }
+  s.device->read_back(state.image, layer, mip, state.layout, [&](std::span<const std::byte> texels) {
+    vulkan::to_float(texels, shape.format, pixels->first(count));
+  });
   return result;
 }
 

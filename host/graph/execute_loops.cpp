@@ -36,6 +36,7 @@ bool Executor::State::is_still(const scene::Scene& rendered, const FrameOptions&
   add_bytes(now, &rendered);
   add_bytes(now, rendered.content_revision);
   add_bytes(now, rendered.motion_revision);
+  add_bytes(now, rendered.components.revision());
   add_bytes(now, rendered.active_camera(graph.width, graph.height));
   for (const scene::Light& light : rendered.lights) {
     add_bytes(now, light.position);
@@ -94,6 +95,12 @@ void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> be
   const auto start = Clock::now();
   const double cpu_start = is_profiled ? process_cpu_ms() : 0;  // a system call
   stop_if_cancelled();
+  if (services.progress) {
+    const Pass& running = graph.passes[order.stages[index].pass];
+    services.progress(fmt::format("stage '{}' of pass '{}'",
+                                  running.entry.technique->stages[order.stages[index].stage].name, running.name),
+                      static_cast<double>(index) / static_cast<double>(order.stages.size()));
+  }
   poison_around(index, true);
   run_stage(index, before);
   scan_outputs(index);

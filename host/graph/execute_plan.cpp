@@ -415,6 +415,7 @@ vulkan::BoundPort Executor::State::bound_port(const Pass& pass, const Access& ac
   bound.blend = access.blend;
   bound.type = port.type;
   bound.glsl = port.glsl;
+  bound.types = port.types;
   if (contract != nullptr) bound.neutral = contract->neutral;
   const auto found = pass.ports.find(access.port);
   bound.is_bound = found != pass.ports.end();
@@ -576,6 +577,8 @@ void Executor::State::compile_passes() {
     const auto folders = services.registry.shared_folders();
     program = vulkan::mesh_program(services.cache_folder, {folders.begin(), folders.end()});
   }
+  std::size_t shader_count = 0, compiled = 0;
+  for (const auto& state : passes) shader_count += state ? technique_of(*state).shaders.size() : 0;
   for (const auto& state : passes) {
     if (!state) continue;
     write_parameters(*state);
@@ -583,6 +586,10 @@ void Executor::State::compile_passes() {
     const Technique& technique = technique_of(*state);
     std::map<std::string, ShaderState, std::less<>> shaders;
     for (const Shader& shader : technique.shaders) {
+      if (services.progress) {
+        services.progress(fmt::format("compiling shader '{}' of pass '{}'", shader.name, pass.name),
+                          static_cast<double>(compiled++) / static_cast<double>(shader_count));
+      }
       ShaderState made;
       made.shader = &shader;
       const auto stage = std::find_if(technique.stages.begin(), technique.stages.end(),

@@ -17,6 +17,7 @@ struct Value {
   std::uint64_t block_bytes = 0;  // least size of the uniform block: zeros beyond `bytes`
   bool is_set = false, is_uniform_new = false, is_storage_new = false;
   vulkan::Buffer uniform, storage;
+  std::uint64_t revision = 0;  // of what a scene's components made; 0: of something else
 };
 
 /// Run-time side of a Resource. Later versions of images and buffers point to their first version by `root`.
@@ -118,6 +119,15 @@ struct Legacy {
   bool has_past = false;                              // frames were rendered
 };
 
+/// What the service heddle.components hands out of one component.
+struct ComponentRows {
+  std::uint64_t revision = 0;
+  std::vector<std::uint32_t> owner_kinds, owners, first_values;
+  std::vector<std::uint64_t> written;
+  std::vector<double> values;
+  std::vector<const char*> property_names;
+};
+
 struct Executor::State {
   HostServices& services;
   ResolvedGraph original;  // as resolved; each plan starts from it
@@ -162,6 +172,8 @@ struct Executor::State {
   const scene::Scene* scene = nullptr;
   std::unique_ptr<scene::SceneBuffers> scene_buffers;
   scene::Snapshot snapshot;
+  std::map<std::string, ComponentRows, std::less<>> component_rows;
+  std::uint64_t component_revision = 0;
   std::optional<heddle_camera> previous_camera;
   glm::dvec3 origin{0.0}, previous_origin{0.0};
   std::vector<std::byte> inputs;  // of the last frame, all that techniques can see: what is_still compares
@@ -217,6 +229,7 @@ struct Executor::State {
   void set_environment(ResourceIndex resource, const scene::Scene& scene);
   /// What the plan depends on of a scene is as it was.
   [[nodiscard]] bool is_planned_for(const scene::Scene& scene) const;
+  void set_component_values(const scene::Scene& scene);
   void set_value(ResourceIndex resource, std::span<const std::byte> bytes);
   void turn_histories();
   void carry_over(ResourceIndex newest, ResourceIndex history);

@@ -160,13 +160,22 @@ class Resolver {
     return names;
   }
 
-  /// Resources of the scene, then of every output, so that a reference may point below.
+  /// Resources of the scene, then of every output, so that a reference may point below. Components that no pass reads
+  /// are none.
   void make_outputs() {
-    for (const auto& [name, type] : kScenePorts) {
+    for (const auto& [name, type] : kScenePorts) scene_ports_.emplace_back(name, type);
+    for (const Pass& pass : graph_.passes) {
+      for (const Port& port : pass.entry.technique->ports) {
+        const auto is_known = [&](const auto& known) { return known.first == port.name; };
+        if (port.types.empty() || std::ranges::any_of(scene_ports_, is_known)) continue;
+        scene_ports_.emplace_back(port.name, PortType::kValue);
+      }
+    }
+    for (const auto& [name, type] : scene_ports_) {
       Resource resource;
-      resource.name = "scene." + std::string(name);
+      resource.name = "scene." + name;
       resource.type = type;
-      resource.port = std::string(name);
+      resource.port = name;
       graph_.resources.push_back(std::move(resource));
     }
     for (PassIndex p = 0; p < graph_.passes.size(); ++p) {
@@ -253,8 +262,8 @@ class Resolver {
       if (made == nullptr || made->direction == Direction::kIn) continue;
       return resource_source(ports.find(port)->second);
     }
-    for (ResourceIndex r = 0; r < kScenePorts.size(); ++r)
-      if (kScenePorts[r].first == port) return resource_source(r);
+    for (ResourceIndex r = 0; r < scene_ports_.size(); ++r)
+      if (scene_ports_[r].first == port) return resource_source(r);
     return {Source::Kind::kAbsent, kNoIndex};
   }
 
@@ -287,9 +296,9 @@ class Resolver {
     const std::string port = text.substr(dot + 1);
     if (pass == "scene") {
       std::vector<std::string> names;
-      for (ResourceIndex r = 0; r < kScenePorts.size(); ++r) {
-        if (kScenePorts[r].first == port) return resource_source(r);
-        names.emplace_back(kScenePorts[r].first);
+      for (ResourceIndex r = 0; r < scene_ports_.size(); ++r) {
+        if (scene_ports_[r].first == port) return resource_source(r);
+        names.push_back(scene_ports_[r].first);
       }
       problems_.add(value.where, fmt::format("{}: the scene has no '{}'", label, port), found,
                     "one of " + join_names(names), did_you_mean(port, names));
@@ -674,6 +683,7 @@ class Resolver {
   const WrittenGraph& written_;
   const Registry& registry_;
   Problems problems_;
+  std::vector<std::pair<std::string, PortType>> scene_ports_;  // in the order of their resources
   ResolvedGraph graph_;
   std::vector<Entry> entries_;
   Presets presets_;

@@ -244,4 +244,19 @@ void change_technique(WrittenPass& pass, Written technique) {
   pass.technique = std::move(technique);
 }
 
+Json to_json(const Written& written) {
+  struct Writer {
+    Json operator()(bool value) const { return value; }
+    Json operator()(std::int64_t value) const { return value; }
+    Json operator()(double value) const { return value; }
+    Json operator()(const std::string& value) const { return value; }
+    Json operator()(const std::vector<Written>& value) const {
+      Json list = Json::array();
+      for (const Written& element : value) list.push_back(std::visit(*this, element.value));
+      return list;
+    }
+  };
+  return std::visit(Writer{}, written.value);
+}
+
 }  // namespace heddle::graph

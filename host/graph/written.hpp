@@ -4,6 +4,7 @@
 #pragma once
 
 #include "graph/stages.hpp"
+#include "json.hpp"
 
 namespace heddle::graph {
 
@@ -27,6 +28,7 @@ inline constexpr std::int64_t kLargestExtent = 16384;  // maxImageDimension2D of
 std::string did_you_mean(std::string_view name, std::span<const std::string> candidates);
 /// The value as TOML: what "found" shows.
 std::string to_toml(const Written& written);
+Json to_json(const Written& written);
 /// "a string", "an integer", ...
 std::string_view type_name(const Written& written);
 /// The text of a string value, "" of everything else (also of what was not written).

@@ -72,6 +72,7 @@ class DescriptorReader {
     technique.device_features = split_words(optional_text(source.device_features, "device_features"));
     technique.fallback = optional_text(source.fallback, "fallback");
     if (source.loop != nullptr) technique.loop = read_loop(*source.loop, source.iterations != nullptr);
+    technique.components = split_words(optional_text(source.components, "components"));
     finish();
     problems_ = broken_rules(technique, where_);
     finish();

@@ -37,12 +37,32 @@ Json function_to_json(const RoleFunction& function) {
           {"unit", function.unit}, {"range", range_to_json(function.range)}, {"help", function.help}};
 }
 
+Json component_to_json(const ComponentType& component) {
+  Json properties = Json::array();
+  for (const ComponentProperty& property : component.properties) {
+    Json json{{"name", property.name}, {"type", kPropertyWords.at(static_cast<std::size_t>(property.type))},
+              {"unit", property.unit}, {"range", range_to_json(property.range)},
+              {"default", nullptr},    {"choices", property.choices},
+              {"help", property.help}};
+    if (property.has_default) {
+      json["default"] = Json::array();
+      for (std::uint32_t k = 0; k < property.count(); ++k) json["default"].push_back(property.default_value[k]);
+    }
+    properties.push_back(std::move(json));
+  }
+  Json on = Json::array();
+  for (const Owner owner : component.on) on.push_back(to_word(owner));
+  return {{"name", component.name}, {"on", on}, {"title", component.title}, {"properties", properties}};
+}
+
 Json role_to_json(const Role& role, const Registry& registry) {
   Json ports = Json::array();
   Json functions = Json::array();
   Json hard_cases = Json::array();
+  Json components = Json::array();
   for (const RolePort& port : role.ports) ports.push_back(port_to_json(port));
   for (const RoleFunction& function : role.functions) functions.push_back(function_to_json(function));
+  for (const ComponentType& component : role.components) components.push_back(component_to_json(component));
   for (const HardCase& hard_case : role.hard_cases) {
     hard_cases.push_back({{"id", hard_case.id}, {"text", hard_case.text}});
   }
@@ -64,6 +84,7 @@ Json role_to_json(const Role& role, const Registry& registry) {
           {"ports", ports},
           {"functions", functions},
           {"hard_cases", hard_cases},
+          {"components", components},
           {"techniques", registry.technique_names(role.name)},
           {"file", role.file.string()}};
 }

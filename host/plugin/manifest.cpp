@@ -355,7 +355,7 @@ std::optional<Loop> read_loop(const Node& node) {
 
 Technique read_technique(const Node& node) {
   node.only({"id", "title", "source", "is_reference", "role_revision", "ports", "parameters", "stages", "shaders",
-             "functions", "features", "device_features", "fallback", "loop"});
+             "functions", "features", "device_features", "fallback", "loop", "components"});
   Technique technique;
   node.at("id").read(technique.id);
   node.at("title").read(technique.title);
@@ -373,6 +373,7 @@ Technique read_technique(const Node& node) {
   node.at("device_features").read(technique.device_features);
   node.at("fallback").read(technique.fallback);
   technique.loop = read_loop(node.at("loop"));
+  node.at("components").read(technique.components);
   return technique;
 }
 
@@ -421,7 +422,8 @@ Json technique_to_json(const Technique& technique) {
           {"features", technique.features},
           {"device_features", technique.device_features},
           {"fallback", technique.fallback},
-          {"loop", loop_to_json(technique.loop)}};
+          {"loop", loop_to_json(technique.loop)},
+          {"components", technique.components}};
 }
 
 std::string to_json(const Manifest& manifest) {

@@ -76,8 +76,9 @@ std::map<std::string, std::string, std::less<>> read_left_out(const fs::path& ro
 /// Compares a technique with the contracts of the roles that it names, and takes from them what it left open.
 class Contract {
  public:
-  Contract(const std::map<std::string, Role, std::less<>>& roles, const Manifest& manifest)
-      : roles_(roles), file_(manifest.library.string()) {}
+  Contract(const std::map<std::string, Role, std::less<>>& roles, const ComponentCatalog& components,
+           const Manifest& manifest)
+      : roles_(roles), components_(components), file_(manifest.library.string()) {}
 
   void apply(Technique& technique) {
     what_ = fmt::format("technique '{}'", technique.id);
@@ -87,7 +88,10 @@ class Contract {
         complain("made for a newer revision of its role", fmt::format("revision {}", technique.role_revision),
                  fmt::format("at most {}, as {} says", role->revision, role->file.string()));
       }
-      for (Port& port : technique.ports) apply_port(*role, port);
+      check_components(technique);
+      for (Port& port : technique.ports) {
+        if (!apply_component(technique, port)) apply_port(*role, port);
+      }
       for (const RolePort& port : role->ports) {
         if (port.direction == Direction::kOut && !port.optional && technique.find_port(port.name) == nullptr) {
           complain(fmt::format("the role's output '{}' is missing", port.name), {},
@@ -140,6 +144,32 @@ class Contract {
     for (const std::string& name : calls) find(name, fmt::format("calls functions of the unknown role '{}'", name));
   }
 
+  void check_components(const Technique& technique) {
+    for (const std::string& name : technique.components) {
+      if (components_.find(name) != nullptr) continue;
+      const std::vector<std::string> names = components_.names();
+      const std::string nearest = nearest_name(name, names);
+      complain(fmt::format("reads the unknown component '{}'", name), {},
+               names.empty() ? "no components: no role declares one" : "one of " + join_names(names),
+               nearest.empty() ? std::string() : fmt::format("did you mean '{}'?", nearest));
+    }
+  }
+
+  /// A value that goes by a component's name is that component, as the host lays it out.
+  bool apply_component(const Technique& technique, Port& port) {
+    const auto component = components_.find_port(port.name);
+    if (!component || port.type != PortType::kValue || port.direction != Direction::kIn || !port.glsl.empty()) {
+      return false;
+    }
+    const std::string& name = component->type->name;
+    if (std::find(technique.components.begin(), technique.components.end(), name) == technique.components.end()) {
+      complain(fmt::format("port '{}' reads a component that the technique does not name", port.name), {},
+               fmt::format("'{}' in heddle_technique.components", name));
+    }
+    complete_component_port(port, *component->type);
+    return true;
+  }
+
   void apply_port(const Role& role, Port& port) {
     const RolePort* contract = role.find_port(port.name);
     const bool is_block = port.type == PortType::kBuffer || port.type == PortType::kValue;
@@ -163,6 +193,7 @@ class Contract {
   }
 
   const std::map<std::string, Role, std::less<>>& roles_;
+  const ComponentCatalog& components_;
   std::string file_;
   std::string what_;
   std::vector<Diagnostic> problems_;
@@ -187,11 +218,22 @@ Registry::Registry(std::vector<std::filesystem::path> folders) : folders_(std::m
       roles_.emplace(role.name, std::move(role));
     }
   }
+  std::map<std::string, const Role*> declared;
+  for (const auto& [name, role] : roles_) {
+    for (const ComponentType& component : role.components) {
+      const auto [first, is_new] = declared.emplace(component.name, &role);
+      if (!is_new) {
+        throw Error(HEDDLE_BAD_INPUT, fmt::format("two roles declare the component '{}': {} and {}", component.name,
+                                                  first->second->file.string(), role.file.string()));
+      }
+      components_.add(component);
+    }
+  }
   for (const fs::path& folder : role_folders) {
     for (Manifest& found : read_manifests(folder)) {
       const auto& manifest = manifests_.emplace_back(std::make_unique<Manifest>(std::move(found)));
       stamps_.emplace(manifest.get(), stamp_of(manifest->library));
-      Contract contract(roles_, *manifest);
+      Contract contract(roles_, components_, *manifest);
       for (const Technique& described : manifest->techniques) {
         const auto known = techniques_.find(described.id);
         if (known != techniques_.end()) {
@@ -235,6 +277,9 @@ void Registry::refresh() {
     }
   }
   roles_.merge(fresh.roles_);
+  components_ = {};
+  for (const auto& [name, role] : roles_)
+    for (const ComponentType& component : role.components) components_.add(component);
   std::map<std::string, TechniqueEntry, std::less<>> techniques = std::move(fresh.techniques_);
   for (auto& [id, entry] : techniques) {
     const auto known = techniques_.find(id);

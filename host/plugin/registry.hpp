@@ -48,6 +48,8 @@ class Registry {
   [[nodiscard]] std::vector<std::string> technique_names(std::string_view role) const;  // without the role, sorted
   /// Techniques that their build had to leave out, by id, and why.
   [[nodiscard]] const std::map<std::string, std::string, std::less<>>& left_out() const { return left_out_; }
+  /// Every component that a role declares.
+  [[nodiscard]] const ComponentCatalog& components() const { return components_; }
   /// Folders with shared GLSL ("shared/" of each plugin folder), in order of search.
   [[nodiscard]] std::span<const std::filesystem::path> shared_folders() const { return shared_folders_; }
 
@@ -70,6 +72,7 @@ class Registry {
 
   std::vector<std::filesystem::path> folders_;
   std::map<std::string, Role, std::less<>> roles_;
+  ComponentCatalog components_;
   std::vector<std::unique_ptr<Manifest>> manifests_;   // as the libraries describe themselves
   std::vector<std::unique_ptr<Technique>> completed_;  // the same, with what their roles add
   std::map<std::string, TechniqueEntry, std::less<>> techniques_;

@@ -15,6 +15,7 @@
 #include "diagnostics.hpp"
 #include "plugin/rules.hpp"
 #include "plugin/technique.hpp"
+#include "plugin/toml_json.hpp"
 
 namespace heddle {
 namespace {
@@ -265,6 +266,101 @@ class RoleReader {
     role_.hard_cases.push_back(std::move(hard_case));
   }
 
+  void read_component(const toml::table& table) {
+    ComponentType component;
+    component.name = read_string(table, "component", "name", true);
+    const std::string what = fmt::format("component '{}'", component.name);
+    check_keys(table, what, {"name", "on", "title", "property"});
+    if (!component.name.empty() && !is_component_name(component.name)) {
+      complain(table.get("name")->source(), "component: 'name' is no name of a component",
+               fmt::format("\"{}\"", component.name), "two names with a dot between, \"cloud.layer\"");
+    }
+    if (!component.name.empty() && !component_names_.insert(component.name).second) {
+      complain(table.get("name")->source(), fmt::format("a second component with the name '{}'", component.name));
+    }
+    component.title = read_string(table, what, "title", true);
+    read_owners(table, what, component);
+    std::set<std::string> taken;
+    for (const toml::table* property : read_tables(table, "property")) {
+      component.properties.push_back(read_property(*property, what, taken));
+    }
+    if (component.properties.size() > kMostProperties) {
+      complain(table.source(), what + " has too many properties", fmt::format("{}", component.properties.size()),
+               fmt::format("at most {}", kMostProperties), "make two components of it");
+    }
+    role_.components.push_back(std::move(component));
+  }
+
+  void read_owners(const toml::table& table, std::string_view what, ComponentType& component) {
+    const toml::node* node = table.get("on");
+    const toml::array* list = node == nullptr ? nullptr : node->as_array();
+    const std::string expected =
+        fmt::format("a list of some of {}", quoted({"scene", "instance", "material", "light"}));
+    if (list == nullptr || list->empty()) {
+      complain(node == nullptr ? table.source() : node->source(), fmt::format("{}: 'on' says nothing to sit on", what),
+               node == nullptr ? "nothing" : kind_of(*node), expected);
+      return;
+    }
+    for (const toml::node& element : *list) {
+      const std::string word = element.is_string() ? element.as_string()->get() : std::string();
+      const auto* const found = std::find(kOwnerWords.begin(), kOwnerWords.end(), word);
+      if (found == kOwnerWords.end()) {
+        complain(element.source(), fmt::format("{}: 'on' has a wrong element", what), kind_of(element), expected);
+        continue;
+      }
+      const auto owner = static_cast<Owner>(found - kOwnerWords.begin());
+      if (!component.sits_on(owner)) component.on.push_back(owner);
+    }
+  }
+
+  ComponentProperty read_property(const toml::table& table, std::string_view component, std::set<std::string>& taken) {
+    ComponentProperty property;
+    property.name = read_name(table, fmt::format("property of {}", component), "name", taken);
+    const std::string what = fmt::format("{}: property '{}'", component, property.name);
+    check_keys(table, what, {"name", "type", "unit", "range", "default", "choices", "help"});
+    if (property.name == "is_present" || property.name == "written" || property.name == "absent") {
+      complain(table.get("name")->source(), what + " has a name that shaders know something else by");
+    }
+    property.type = static_cast<PropertyType>(
+        read_word(table, what, "type", {"float", "int", "bool", "choice", "color", "float3"}, std::nullopt));
+    property.unit = read_string(table, what, "unit", false);
+    property.range = read_range(table, what);
+    property.help = read_string(table, what, "help", true);
+    const bool is_choice = property.type == PropertyType::kChoice;
+    if (const toml::node* choices = table.get("choices"); choices != nullptr || is_choice) {
+      const toml::array* list = choices == nullptr ? nullptr : choices->as_array();
+      if (is_choice && list != nullptr && !list->empty() && list->is_homogeneous(toml::node_type::string)) {
+        for (const toml::node& word : *list) property.choices.push_back(word.as_string()->get());
+      } else {
+        complain(choices == nullptr ? table.source() : choices->source(), what + ": 'choices' is wrong",
+                 choices == nullptr ? "nothing" : kind_of(*choices),
+                 is_choice ? "a list of words" : "no choices: its type is another");
+      }
+    }
+    read_default(table, what, property);
+    return property;
+  }
+
+  // The default obeys what it is the default of: it is read as a scene's own would be.
+  void read_default(const toml::table& table, std::string_view what, ComponentProperty& property) {
+    const toml::node* node = table.get("default");
+    if (node == nullptr) return;
+    ComponentType alone;
+    alone.name = "role.default";
+    alone.on = {Owner::kScene};
+    alone.properties = {property};
+    ComponentCatalog catalog;
+    catalog.add(alone);
+    const Location where{role_.file.string(), static_cast<std::uint32_t>(node->source().begin.line),
+                         static_cast<std::uint32_t>(node->source().begin.column)};
+    GivenComponent given{alone.name, where, std::string(what), {}};
+    given.properties.push_back({property.name, json_of(*node), where, fmt::format("{}: its default", what)});
+    const auto values = heddle::read_component(&catalog, given, alone.on, problems_);
+    if (!values) return;
+    std::copy(values->values.begin(), values->values.end(), property.default_value.begin());
+    property.has_default = true;
+  }
+
   const toml::table* read_table(const toml::table& table, std::string_view what, std::string_view key) {
     const toml::node* node = table.get(key);
     if (node != nullptr) check_type(*node, what, key, node->is_table(), "a table");
@@ -302,7 +398,7 @@ class RoleReader {
   void read_document(const toml::table& document) {
     check_keys(document, "role",
                {"role", "revision", "title", "join", "selector", "include", "references", "measure", "port", "function",
-                "hard_case"});
+                "hard_case", "component"});
     role_.name = read_string(document, "role", "role", true);
     role_.title = read_string(document, "role", "title", true);
     role_.join = static_cast<Join>(read_word(document, "role", "join", {"switch", "sum", "product"}, 0));
@@ -319,6 +415,7 @@ class RoleReader {
     for (const toml::table* table : read_tables(document, "port")) read_port(*table);
     for (const toml::table* table : read_tables(document, "function")) read_function(*table);
     for (const toml::table* table : read_tables(document, "hard_case")) read_hard_case(*table);
+    for (const toml::table* table : read_tables(document, "component")) read_component(*table);
     if (const toml::table* references = read_table(document, "role", "references")) {
       check_keys(*references, "references", {"same_model", "same_model_params", "physical", "physical_params"});
       role_.same_model_reference = read_reference(*references, "same_model");
@@ -364,6 +461,7 @@ class RoleReader {
   std::set<std::string> port_names_;
   std::set<std::string> function_names_;
   std::set<std::string> hard_case_ids_;
+  std::set<std::string> component_names_;
 };
 
 }  // namespace

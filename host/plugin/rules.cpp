@@ -456,6 +456,12 @@ const T* find_named(const std::vector<T>& things, std::string_view name) {
 
 }  // namespace
 
+void complete_component_port(Port& port, const ComponentType& type) {
+  port.types = component_glsl(type);
+  port.glsl = fmt::format("{} {}[];", component_struct(type), port.name);
+  if (port.help.empty()) port.help = type.title;
+}
+
 bool is_identifier(std::string_view name) {
   if (name.empty() || (name.front() >= '0' && name.front() <= '9') || name.starts_with("gl_")) return false;
   if (name.find("__") != std::string_view::npos) return false;  // reserved in GLSL

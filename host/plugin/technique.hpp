@@ -3,6 +3,8 @@
 // without opening the library, and from the library's own descriptor to check that both agree.
 #pragma once
 
+#include "plugin/component.hpp"
+
 #include <heddle/plugin.h>
 
 #include <array>
@@ -75,6 +77,7 @@ struct Role {
   std::string measure_note;
   std::map<std::string, std::string> same_model_params;  // parameters of the reference, as --set takes them
   std::map<std::string, std::string> physical_params;
+  std::vector<ComponentType> components;
 
   [[nodiscard]] const RolePort* find_port(std::string_view port) const;
   bool operator==(const Role&) const = default;
@@ -93,9 +96,10 @@ struct Port {
   std::uint32_t width = 0, height = 0;
   std::uint32_t layers = 1, mips = 1;
   std::uint64_t byte_size = 0;
-  std::string glsl;  // filled from the role when the descriptor has none
+  std::string glsl;  // filled from the role or the component when the descriptor has none
   std::string help;
   std::string previous_of;  // an output of the same technique
+  std::string types;  // GLSL that `glsl` needs before it; of components, never in a descriptor
   [[nodiscard]] bool is_optional() const { return (flags & HEDDLE_PORT_OPTIONAL) != 0; }
   [[nodiscard]] bool is_kept() const { return (flags & HEDDLE_PORT_KEPT) != 0; }
   bool operator==(const Port&) const = default;
@@ -190,6 +194,7 @@ struct Technique {
   std::vector<std::string> device_features;
   std::string fallback;
   std::optional<Loop> loop;
+  std::vector<std::string> components;  // that it reads
 
   [[nodiscard]] std::string_view role_name() const { return std::string_view(id).substr(0, id.find('/')); }
   [[nodiscard]] std::string_view name() const { return std::string_view(id).substr(id.find('/') + 1); }
@@ -207,6 +212,9 @@ Technique from_descriptor(const heddle_technique& descriptor, std::string_view l
 
 /// The same for all techniques of a library, and checks that it speaks this host's ABI (HEDDLE_UNSUPPORTED if not).
 std::vector<Technique> from_plugin(const heddle_plugin* plugin, std::string_view library);
+
+/// What a component's declaration adds to the value port that shaders see it through.
+void complete_component_port(Port& port, const ComponentType& type);
 
 /// A library that was found, by its manifest.
 struct Manifest {

@@ -8,6 +8,7 @@
 #include <numeric>
 #include <utility>
 
+#include "scene/gltf_components.hpp"
 #include "scene/gltf_materials.hpp"
 #include "scene/gltf_meshes.hpp"
 #include "scene/gltf_rig.hpp"
@@ -72,7 +73,7 @@ constexpr std::uint64_t kInstanceBytes = 512, kVertexBytes = 256;
 class FileImport {
  public:
   explicit FileImport(Document document, Scene& scene)
-      : document_(std::move(document)), scene_(scene), materials_(document_, scene) {}
+      : document_(std::move(document)), scene_(scene), materials_(document_, scene), components_(document_, scene) {}
 
   void run() {
     rig_ = import_rig(document_);
@@ -80,11 +81,21 @@ class FileImport {
     is_morphing_ = rig_.morphing_nodes();
     rig_.animation = HEDDLE_NONE;
     rest_ = rig_.pose(0);
-    for (const std::size_t node : shown_nodes(document_)) {
+    const std::vector<std::size_t> shown = shown_nodes(document_);
+    for (std::size_t i = 0; i < shown.size(); ++i) {
+      // Textures take the other half.
+      document_.report("reading the nodes", 0.5 * static_cast<double>(i) / static_cast<double>(shown.size()));
+      const std::size_t node = shown[i];
+      const auto instance = static_cast<std::uint32_t>(scene_.instances.size());
+      const auto light = static_cast<std::uint32_t>(scene_.lights.size());
       import_mesh(node);
       import_light(node, rest_.scene_from_node[node]);
       import_camera(node, rest_.scene_from_node[node]);
+      components_.import_node(node, instance, light);
     }
+    components_.import_materials(materials_.ids());
+    components_.import_scene();
+    components_.throw_if_any();
     materials_.decode_textures();
     scene_.warnings = std::move(document_.warnings);
     scene_.ignored_extensions = std::move(document_.ignored_extensions);
@@ -346,6 +357,7 @@ class FileImport {
   Document document_;
   Scene& scene_;
   MaterialImport materials_;
+  ComponentImport components_;
   Rig rig_;
   Rig::Pose rest_;
   std::vector<std::uint8_t> is_moving_, is_morphing_;  // by node, in any animation
@@ -360,6 +372,7 @@ class FileImport {
 void load_gltf(Scene& scene, const std::filesystem::path& file, const LoadLimits& limits) {
   Scene loaded;
   loaded.time = scene.time;
+  loaded.components.catalog = scene.components.catalog;
   gltf::Document document = gltf::open_document(file, limits);
   loaded.files = document.files;
   gltf::FileImport(std::move(document), loaded).run();

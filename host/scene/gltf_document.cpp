@@ -15,9 +15,9 @@
 namespace heddle::scene::gltf {
 namespace {
 
-constexpr std::array<std::string_view, 7> kKnownExtensions = {
-    "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior",    "KHR_materials_transmission",
-    "KHR_materials_unlit", "KHR_mesh_quantization",           "KHR_texture_transform"};
+constexpr std::array<std::string_view, 8> kKnownExtensions = {
+    "HEDDLE_components",          "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior",
+    "KHR_materials_transmission", "KHR_materials_unlit", "KHR_mesh_quantization",           "KHR_texture_transform"};
 
 // tinygltf walks `extras` and `extensions` by recursion; real files nest less than ten deep.
 constexpr std::uint32_t kMaximumNesting = 64;
@@ -393,6 +393,12 @@ void Document::spend(std::uint64_t bytes, std::string_view what) const {
   spent_ += bytes;
 }
 
+void Document::report(std::string_view activity, double fraction) const {
+  if (limits.progress) {
+    limits.progress(fmt::format("{}: {}", file, activity), fraction);
+  }
+}
+
 void Document::warn(std::string text) {
   // Beyond that many nobody reads them, and a hostile file has millions.
   constexpr std::size_t kMaximumWarnings = 100;
@@ -431,6 +437,8 @@ Document open_document(const std::filesystem::path& file, const LoadLimits& limi
 
   tinygltf::TinyGLTF parser;
   parser.SetImageLoader(keep_encoded, nullptr);
+  // Its own values drop empty objects, and a component may have no properties.
+  parser.SetStoreOriginalJSONForExtrasAndExtensions(true);
   Folder names{&document, file.parent_path(), {}};
   parser.SetFsCallbacks({Folder::exists, Folder::expand, Folder::read, nullptr, &names});
   std::string error, warning;

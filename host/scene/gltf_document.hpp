@@ -18,6 +18,8 @@ struct Document {
   std::vector<std::filesystem::path> files;     // this one and those that it names
 
   void warn(std::string text);
+  /// How far loading has come, 0 to 1; throws if the caller wants no more.
+  void report(std::string_view activity, double fraction) const;
   /// Counts bytes that are about to be made for `what`, and fails beyond the limit. Every byte costs time, so the limit
   /// is one of time too; what is given back is not counted back.
   void spend(std::uint64_t bytes, std::string_view what) const;

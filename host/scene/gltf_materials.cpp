@@ -254,6 +254,8 @@ void MaterialImport::decode_textures() {
     while (end < uses_.size() && uses_[end].image == image) {
       ++end;
     }
+    document_.report("decoding the textures",
+                     0.5 + 0.5 * static_cast<double>(first) / static_cast<double>(uses_.size()));
     const std::string name =
         fmt::format("{}: image {} '{}'", document_.file, image, scene_.textures[uses_[first].texture].name);
     // Each use keeps its own copy, 4 bytes a texel.

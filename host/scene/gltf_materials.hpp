@@ -16,6 +16,8 @@ class MaterialImport {
 
   /// Scene's index of a glTF material; -1 is glTF's default material.
   std::uint32_t import(int material);
+  /// Of each imported glTF material, the scene's index.
+  [[nodiscard]] const std::map<int, std::uint32_t>& ids() const { return materials_; }
   /// Decodes what the imported materials use; each image once, stored once for each use (colour or data, wrap modes).
   void decode_textures();
 

@@ -60,6 +60,7 @@ void merge(Scene& scene, Scene loaded) {
   scene.cameras.reserve(scene.cameras.size() + loaded.cameras.size());
   scene.warnings.reserve(scene.warnings.size() + loaded.warnings.size());
   scene.ignored_extensions.reserve(scene.ignored_extensions.size() + loaded.ignored_extensions.size());
+  scene.components.merge(loaded.components, {0, instances, materials, lights});
   if (scene.cameras.empty() && !loaded.cameras.empty()) {
     scene.camera = loaded.camera < loaded.cameras.size() ? loaded.camera : 0;
   }

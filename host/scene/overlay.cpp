@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // TOML -> changes to a scene. First everything is read and checked, then everything is applied.
 #include "scene/overlay.hpp"
+#include "plugin/toml_json.hpp"
 
 #include <fmt/format.h>
 #include <toml++/toml.h>
@@ -124,6 +125,47 @@ class Table {
     }
     return table_.get(key);
   }
+  /// components.shadow.settings.priority = 2, or components."shadow.settings" = { priority = 2 }.
+  std::vector<ComponentValues> components(const ComponentCatalog* catalog, Owner owner) {
+    std::vector<ComponentValues> read;
+    const toml::node* node = find("components");
+    if (node == nullptr) {
+      return read;
+    }
+    if (!node->is_table()) {
+      mistake(where(*node), "'components' is of the wrong form", "", "components.NAME.PROPERTY = VALUE");
+      return read;
+    }
+    const auto take = [&](const std::string& name, const toml::key& key, const toml::node& value) {
+      const Location place{file_, key.source().begin.line, key.source().begin.column};
+      if (!value.is_table()) {
+        mistake(place, fmt::format("'components.{}' is of the wrong form", name), "",
+                "components.NAME.PROPERTY = VALUE, NAME with a dot as in shadow.settings");
+        return;
+      }
+      GivenComponent given{name, place, what_, {}};
+      for (const auto& [property, written] : *value.as_table()) {
+        given.properties.push_back({std::string(property.str()),
+                                    json_of(written),
+                                    {file_, property.source().begin.line, property.source().begin.column},
+                                    what_});
+      }
+      if (auto values = read_component(catalog, given, {&owner, 1}, problems_)) {
+        read.push_back(std::move(*values));
+      }
+    };
+    for (const auto& [key, value] : *node->as_table()) {
+      const std::string name(key.str());
+      if (name.find('.') != std::string::npos || !value.is_table()) {
+        take(name, key, value);
+        continue;
+      }
+      for (const auto& [second, inner] : *value.as_table()) {
+        take(fmt::format("{}.{}", name, second.str()), second, inner);
+      }
+    }
+    return read;
+  }
   void finish() {
     for (const auto& [key, node] : table_) {
       const std::string name(key.str());
@@ -188,7 +230,27 @@ std::optional<std::array<double, 3>> direction(Table& table, const char* key) {
   return given;
 }
 
-Change read_light(Table& table, const std::string& name, bool is_new) {
+/// Puts components on every thing of a name.
+template <typename Things>
+void attach_to_named(Scene& scene, const Things& things, const std::string& name, Owner owner,
+                     const std::vector<ComponentValues>& components) {
+  for (std::size_t i = 0; i < things.size(); ++i) {
+    if (things[i].name != name) {
+      continue;
+    }
+    for (const ComponentValues& values : components) {
+      scene.components.attach(values, owner, static_cast<std::uint32_t>(i));
+    }
+  }
+}
+
+Change read_instance(Table& table, const std::string& name, const ComponentCatalog* catalog) {
+  const std::vector<ComponentValues> components = table.components(catalog, Owner::kInstance);
+  table.finish();
+  return [=](Scene& scene) { attach_to_named(scene, scene.instances, name, Owner::kInstance, components); };
+}
+
+Change read_light(Table& table, const std::string& name, bool is_new, const ComponentCatalog* catalog) {
   const auto type = table.choice("type", kLightTypes);
   const auto position = table.numbers<3>("position", kAny);
   const auto towards = direction(table, "direction"), tangent = direction(table, "tangent");
@@ -199,6 +261,7 @@ Change read_light(Table& table, const std::string& name, bool is_new) {
   const Range angle{0, std::numbers::pi};
   const auto inner = table.number("inner_angle", angle), outer = table.number("outer_angle", angle);
   const auto casts_shadow = table.boolean("casts_shadow");
+  const std::vector<ComponentValues> components = table.components(catalog, Owner::kLight);
   table.finish();
   if (is_new && (!type || !intensity)) {
     table.mistake(table.where(), "a new light needs a type and an intensity", "",
@@ -244,10 +307,11 @@ Change read_light(Table& table, const std::string& name, bool is_new) {
         apply(light);
       }
     }
+    attach_to_named(scene, scene.lights, name, Owner::kLight, components);
   };
 }
 
-Change read_material(Table& table, const std::string& name) {
+Change read_material(Table& table, const std::string& name, const ComponentCatalog* catalog) {
   const auto base_color = table.numbers<4>("base_color", kUnit);
   const auto emissive = table.numbers<3>("emissive", kNotNegative);
   const auto metalness = table.number("metalness", kUnit), roughness = table.number("roughness", kUnit),
@@ -256,6 +320,7 @@ Change read_material(Table& table, const std::string& name) {
              cutoff = table.number("alpha_cutoff", kNotNegative);
   const auto alpha_mode = table.choice("alpha_mode", kAlphaModes);
   const auto double_sided = table.boolean("double_sided"), unlit = table.boolean("unlit");
+  const std::vector<ComponentValues> components = table.components(catalog, Owner::kMaterial);
   table.finish();
   return [=](Scene& scene) {
     for (Material& material : scene.materials) {
@@ -281,6 +346,7 @@ Change read_material(Table& table, const std::string& name) {
       set_flag(double_sided, HEDDLE_MATERIAL_DOUBLE_SIDED);
       set_flag(unlit, HEDDLE_MATERIAL_UNLIT);
     }
+    attach_to_named(scene, scene.materials, name, Owner::kMaterial, components);
     scene.content_revision = Scene::new_revision();
   };
 }
@@ -386,7 +452,7 @@ class Overlay {
     });
     each("light", [&](Table& table, const std::string& name) {
       const bool is_new = !contains(lights, name);
-      changes.push_back(read_light(table, name, is_new));
+      changes.push_back(read_light(table, name, is_new, scene.components.catalog));
       if (is_new) {
         lights.push_back(name);
       }
@@ -396,7 +462,21 @@ class Overlay {
         table.mistake(table.where(*table.find("name")), "the scene has no such material", "", some_of(materials),
                       Table::did_you_mean(name, materials));
       }
-      changes.push_back(read_material(table, name));
+      changes.push_back(read_material(table, name, scene.components.catalog));
+    });
+    const std::vector<std::string> instances = names_of(scene.instances);
+    each("instance", [&](Table& table, const std::string& name) {
+      if (!contains(instances, name)) {
+        table.mistake(table.where(*table.find("name")), "the scene has no such instance", "", some_of(instances),
+                      Table::did_you_mean(name, instances));
+      }
+      changes.push_back(read_instance(table, name, scene.components.catalog));
+    });
+    const std::vector<ComponentValues> of_scene = root_.components(scene.components.catalog, Owner::kScene);
+    changes.push_back([of_scene](Scene& changed) {
+      for (const ComponentValues& values : of_scene) {
+        changed.components.attach(values, Owner::kScene, 0);
+      }
     });
     if (const std::optional<std::string> name = root_.text("use_camera")) {
       const auto found = std::find(cameras.begin(), cameras.end(), *name);
@@ -505,6 +585,7 @@ void load_overlay(Scene& scene, const std::filesystem::path& file, const LoadLim
   const std::optional<std::string> base = overlay.base();
   Scene loaded;
   loaded.time = scene.time;
+  loaded.components.catalog = scene.components.catalog;
   if (base) {
     load_gltf(loaded, file.parent_path() / *base, limits);
   }

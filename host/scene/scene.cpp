@@ -68,6 +68,35 @@ Json names_of(const Elements& elements) {
   return names;
 }
 
+/// What was written, as it is written: words of choices, true and false.
+Json describe(const Component& component) {
+  Json properties = Json::object();
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < component.type->properties.size(); ++i) {
+    const ComponentProperty& property = component.type->properties[i];
+    const double value = component.values[first];
+    if ((component.written >> i & 1U) != 0) {
+      Json& json = properties[property.name];
+      if (property.type == PropertyType::kBool) {
+        json = value != 0;
+      } else if (property.type == PropertyType::kInt) {
+        json = static_cast<std::int64_t>(value);
+      } else if (property.type == PropertyType::kChoice) {
+        json = property.choices.at(static_cast<std::size_t>(value));
+      } else if (property.count() == 3) {
+        json = {value, component.values[first + 1], component.values[first + 2]};
+      } else {
+        json = value;
+      }
+    }
+    first += property.count();
+  }
+  return {{"name", component.type->name},
+          {"on", to_word(component.owner)},
+          {"id", component.id},
+          {"properties", properties}};
+}
+
 }  // namespace
 
 std::uint64_t Scene::new_revision() {
@@ -162,6 +191,9 @@ std::vector<std::string> Scene::features() const {
   add(double_sided, "double_sided");
   add(textures_used, "textures");
   add(environment.has_value(), "environment");
+  for (std::string& name : components.names()) {
+    names.push_back(std::move(name));
+  }
   return names;
 }
 
@@ -195,6 +227,10 @@ std::string Scene::describe_json() const {
       json["animations"].push_back(
           {{"name", rig.animations[i].name}, {"duration", rig.animations[i].duration}, {"in_use", rig.animation == i}});
     }
+  }
+  json["components"] = Json::array();
+  for (const Component& component : components.all()) {
+    json["components"].push_back(describe(component));
   }
   json["time"] = time;
   json["features"] = features();

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "diagnostics.hpp"
+#include "scene/components.hpp"
 #include "scene/rig.hpp"
 
 #include <heddle/heddle.h>
@@ -12,6 +13,7 @@
 
 #include <array>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <span>
@@ -96,8 +98,9 @@ class Scene {
   std::vector<Light> lights;
   std::vector<Camera> cameras;
   std::uint32_t camera = HEDDLE_NONE;  // in use
-  std::vector<Rig> rigs;               // of loaded files with animations
-  double time = 0;                     // seconds, that the rigs are posed at
+  Components components;
+  std::vector<Rig> rigs;  // of loaded files with animations
+  double time = 0;        // seconds, that the rigs are posed at
   std::optional<Environment> environment;
 
   /// Counted up when meshes, materials, textures or the list of instances change / when instances only move. Every
@@ -130,7 +133,7 @@ class Scene {
   /// side, far enough to hold the bounding sphere of all that the animations in use do.
   [[nodiscard]] heddle_camera active_camera(std::uint32_t width, std::uint32_t height) const;
   /// Facts that techniques can ask for: "surfaces", "lights", "masked", "blended", "emissive", "double_sided",
-  /// "textures", "environment". Only what an instance shows counts.
+  /// "textures", "environment", of which only what an instance shows counts, and the names of the components that it has.
   [[nodiscard]] std::vector<std::string> features() const;
   [[nodiscard]] std::string describe_json() const;
 
@@ -155,8 +158,9 @@ void merge(Scene& scene, Scene loaded);
 
 /// What a file may cost, and reach. Files come from strangers unless the caller says otherwise.
 struct LoadLimits {
-  std::uint64_t bytes = 4ULL << 30;  // all that loading makes, added up; 2^64-1: no limit
-  bool leaves_folder = false;        // may name files outside of its own folder
+  std::uint64_t bytes = 4ULL << 30;                             // all that loading makes, added up; 2^64-1: no limit
+  bool leaves_folder = false;                                   // may name files outside of its own folder
+  std::function<void(std::string_view, double)> progress = {};  // how far it has come, 0 to 1; throws to end it
 };
 
 /// Adds a glTF 2.0 file to the scene, all or nothing. Throws Error with the file and what in it is wrong. A scene

@@ -43,6 +43,7 @@ std::vector<vulkan::BoundPort> bound_ports(const Technique& technique, const Rol
     bound.layers = port.layers;
     bound.is_cube = (port.flags & HEDDLE_PORT_CUBE) != 0;
     bound.glsl = port.glsl;
+    bound.types = port.types;
     if (const RolePort* contract = role != nullptr ? role->find_port(port.name) : nullptr) {
       bound.neutral = contract->neutral;
       if (bound.glsl.empty()) bound.glsl = contract->glsl;
@@ -54,9 +55,17 @@ std::vector<vulkan::BoundPort> bound_ports(const Technique& technique, const Rol
 
 class Checker {
  public:
-  explicit Checker(const fs::path& folder) : roles_(read_roles(folder)), shared_{folder / "shared"} {}
+  explicit Checker(const fs::path& folder) : roles_(read_roles(folder)), shared_{folder / "shared"} {
+    for (const auto& [name, role] : roles_) {
+      for (const ComponentType& component : role.components) components_.add(component);
+    }
+  }
 
-  bool run(const Technique& technique, const fs::path& folder) {
+  bool run(Technique technique, const fs::path& folder) {
+    for (Port& port : technique.ports) {
+      const auto component = components_.find_port(port.name);
+      if (component && port.glsl.empty()) complete_component_port(port, *component->type);
+    }
     const Role* role = find_role(technique.role_name(), technique);
     for (const Shader& shader : technique.shaders) {
       const Stage* stage = technique.find_stage(shader.stage);
@@ -131,6 +140,7 @@ class Checker {
   }
 
   std::map<std::string, Role, std::less<>> roles_;
+  ComponentCatalog components_;
   std::vector<fs::path> shared_;
   bool is_good_ = true;
 };

@@ -189,6 +189,9 @@ class Device {
   void upload(const Image& target, std::uint32_t layer, std::uint32_t mip, std::span<const std::byte> bytes);
   /// Reads back tightly packed texels; the image is in `layout` and stays in it.
   std::vector<std::byte> read_back(const Image& source, std::uint32_t layer, std::uint32_t mip, VkImageLayout layout);
+  /// The same without a copy: `use` gets the bytes where the device put them, until it returns.
+  void read_back(const Image& source, std::uint32_t layer, std::uint32_t mip, VkImageLayout layout,
+                 const std::function<void(std::span<const std::byte>)>& use);
   std::vector<std::byte> read_back(const Buffer& source, std::uint64_t offset, std::uint64_t size);
   void count_upload(std::uint64_t bytes);
   void count_read_back(std::uint64_t bytes);
@@ -229,6 +232,8 @@ FormatInfo format_info(VkFormat format);
 /// Texels of `format` to float32, channels kept (sRGB formats stay encoded values 0..1 as stored). Throws
 /// Error(HEDDLE_UNSUPPORTED) for unknown formats, Error(HEDDLE_BUG) for parts of texels.
 std::vector<float> to_float(std::span<const std::byte> texels, VkFormat format);
+/// The same into memory of the caller's, which has room for exactly that many.
+void to_float(std::span<const std::byte> texels, VkFormat format, std::span<float> values);
 /// The reverse, for writing host data into images; values are clamped to the format's range, rounded to nearest, ties
 /// to even. Floats keep Inf and NaN (unsigned ones: -Inf becomes 0); in other formats NaN becomes 0.
 std::vector<std::byte> from_float(std::span<const float> values, VkFormat format);

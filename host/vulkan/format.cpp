@@ -206,6 +206,13 @@ std::string format_text(VkFormat format) {
 }
 
 std::vector<float> to_float(std::span<const std::byte> texels, VkFormat format) {
+  const Format& known = require(format);
+  std::vector<float> values(texels.size() / texel_bytes_of(known) * channels_of(known));
+  to_float(texels, format, values);
+  return values;
+}
+
+void to_float(std::span<const std::byte> texels, VkFormat format, std::span<float> values) {
   static_assert(std::endian::native == std::endian::little);
   const Format& known = require(format);
   const std::size_t texel_bytes = texel_bytes_of(known);
@@ -215,8 +222,7 @@ std::vector<float> to_float(std::span<const std::byte> texels, VkFormat format) 
                                        .found = std::to_string(texels.size()) + " bytes",
                                        .expected = "a multiple of " + std::to_string(texel_bytes)});
   }
-  std::vector<float> values;
-  values.reserve(texels.size() / texel_bytes * channels);
+  std::size_t value = 0;
   for (std::size_t at = 0; at < texels.size(); at += texel_bytes) {
     std::uint32_t packed = 0;
     if (is_packed(known)) std::memcpy(&packed, &texels[at], texel_bytes);
@@ -229,11 +235,10 @@ std::vector<float> to_float(std::span<const std::byte> texels, VkFormat format) 
       } else {
         std::memcpy(&raw, &texels[at + bit / 8], static_cast<std::size_t>(bits) / 8);
       }
-      values.push_back(decode(raw, known.kind, bits));
+      values[value++] = decode(raw, known.kind, bits);
       bit += static_cast<std::size_t>(bits);
     }
   }
-  return values;
 }
 
 std::vector<std::byte> from_float(std::span<const float> values, VkFormat format) {

@@ -22,6 +22,7 @@ struct BoundPort {
   bool is_cube = false;
   std::array<double, 4> neutral{0, 0, 0, 0};
   std::string glsl;         // members of a buffer's or value's block
+  std::string types;        // what `glsl` needs before it: then the block is a component, an element an owner
   std::uint32_t blend = 0;  // HEDDLE_BLEND_*
 };
 

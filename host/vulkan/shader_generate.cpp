@@ -279,6 +279,7 @@ class Declarer {
       out_.names.insert(member.name);
     }
     const std::string text = rename_members(port.glsl, names);
+    out_.text += port.types;
     const std::string name = glsl_name(port.port) + std::string(scope_.suffix);
     const bool is_value = port.access == HEDDLE_ACCESS_VALUE;
     if (is_value && !members.back().is_unsized_array) {
@@ -293,6 +294,15 @@ class Declarer {
            name, text);
     }
     has(port);
+    if (!port.types.empty()) component_accessor(port, members.back());
+  }
+
+  // Owners that came after the scene's (a sky's sun) have none.
+  void component_accessor(const BoundPort& port, const Member& element) {
+    const std::string type = port.glsl.substr(0, port.glsl.find(' '));
+    const std::string array = element.name + std::string(scope_.suffix);
+    line("{0} {1}(uint owner) {{ if (owner < uint({2}.length())) return {2}[owner]; return {0}_absent(); }}", type,
+         accessor("fetch", port), array);
   }
 
   [[nodiscard]] std::string rename_members(const std::string& text,

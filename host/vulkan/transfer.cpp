@@ -151,6 +151,14 @@ void Device::upload(const Image& target, std::uint32_t layer, std::uint32_t mip,
 
 std::vector<std::byte> Device::read_back(const Image& source, std::uint32_t layer, std::uint32_t mip,
                                          VkImageLayout layout) {
+  std::vector<std::byte> bytes;
+  read_back(source, layer, mip, layout,
+            [&](std::span<const std::byte> read) { bytes.assign(read.begin(), read.end()); });
+  return bytes;
+}
+
+void Device::read_back(const Image& source, std::uint32_t layer, std::uint32_t mip, VkImageLayout layout,
+                       const std::function<void(std::span<const std::byte>)>& use) {
   const Texels texels(source, layer, mip);
   require_usage(source, VK_IMAGE_USAGE_TRANSFER_SRC_BIT, "VK_IMAGE_USAGE_TRANSFER_SRC_BIT");
   if (layout == VK_IMAGE_LAYOUT_UNDEFINED) {
@@ -170,7 +178,7 @@ std::vector<std::byte> Device::read_back(const Image& source, std::uint32_t laye
   });
   count_read_back(texels.bytes);
   note_host_read(staging);
-  return {staging.data(), staging.data() + texels.bytes};
+  use({staging.data(), texels.bytes});
 }
 
 std::vector<std::byte> Device::read_back(const Buffer& source, std::uint64_t offset, std::uint64_t size) {

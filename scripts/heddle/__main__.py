@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in Python.
 
-A scene file defines `build(scene)`, called with an empty heddle.Scene.
+A scene file defines `build(scene)`, called with an empty heddle.Scene, and if things move `update(scene, time)`.
 """
 
 import argparse
@@ -14,6 +14,7 @@ import signal
 import statistics
 import sys
 import threading
+import traceback
 from collections.abc import Callable
 
 from . import Error, Host, Scene, version
@@ -32,12 +33,42 @@ def load_scene(scene: Scene, file: str, trusted: bool = False) -> Callable[[Scen
     if not path.exists():
         raise Error(2, f"error: there is no scene '{file}'\n  help: scenes that come with Heddle lie in scripts/scenes")
     spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None  # the name ends in .py
     module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise scene_error(path, "the file itself", error) from error
     if not hasattr(module, "build"):
         raise Error(2, f"{path}: error: the scene has no function build(scene)")
-    module.build(scene)
-    return getattr(module, "update", stays)
+    try:
+        module.build(scene)
+    except Exception as error:
+        raise scene_error(path, "build(scene)", error) from error
+
+    def update(moved: Scene, time: float) -> None:
+        try:
+            getattr(module, "update", stays)(moved, time)
+        except Exception as error:
+            raise scene_error(path, f"update(scene, {time:g})", error) from error
+
+    return update
+
+
+def scene_error(path: pathlib.Path, where: str, error: Exception) -> Error:
+    """What a scene's own code raised, at its line of the file, with the calls that led there from the file on."""
+    calls = traceback.extract_tb(error.__traceback__)
+    own = [i for i, call in enumerate(calls) if pathlib.Path(call.filename) == path]
+    line = calls[own[-1]].lineno if own else getattr(error, "lineno", None)
+    place = f"{path}:{line}" if line else str(path)
+    what = str(error).removeprefix("error: ") if isinstance(error, Error) else "".join(
+        traceback.format_exception_only(type(error), error)).strip()
+    if isinstance(error, SyntaxError):
+        what = f"SyntaxError: {error.msg}\n    {(error.text or '').strip()}"
+    text = f"{place}: error: in {where}: {what}"
+    if own:
+        text += "\n  calls:\n" + "".join(traceback.format_list(calls[own[0]:])).rstrip()
+    return Error(error.status if isinstance(error, Error) else 2, text)
 
 
 def write_file(file: str, text: str) -> None:
@@ -395,6 +426,9 @@ def main() -> int:
             return STOPPED
         print(error, file=sys.stderr)
         return error.status
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        return 130
 
 
 if __name__ == "__main__":

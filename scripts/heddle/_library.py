@@ -16,8 +16,10 @@ RENDER_ANEW = 2
 ANIMATION_LOOP = 1
 LOAD_TRUSTED = 1
 CANCELLED = 6
+OWNER_SCENE, OWNER_INSTANCE, OWNER_MATERIAL, OWNER_LIGHT = range(4)
 
 LogFunction = ctypes.CFUNCTYPE(None, c_void_p, c_uint32, c_char_p)
+ProgressFunction = ctypes.CFUNCTYPE(c_uint32, c_void_p, c_char_p, c_double)
 
 
 class Light(Structure):
@@ -52,6 +54,7 @@ class HostOptions(Structure):
     _fields_ = [
         ("struct_size", c_uint32), ("flags", c_uint32), ("device", c_char_p), ("plugin_path", c_char_p),
         ("cache_path", c_char_p), ("log", LogFunction), ("log_user", c_void_p),
+        ("progress", ProgressFunction), ("progress_user", c_void_p),
     ]
 
 
@@ -148,6 +151,7 @@ PROTOTYPES = {
     "heddle_scene_set_light": (c_int32, [c_void_p, c_uint32, POINTER(SceneLight)]),
     "heddle_scene_set_camera": (c_int32, [c_void_p, c_uint32, POINTER(Camera)]),
     "heddle_scene_set_environment": (c_int32, [c_void_p, POINTER(Environment)]),
+    "heddle_scene_set_component": (c_int32, [c_void_p, c_uint32, c_uint32, c_char_p, c_char_p]),
     "heddle_scene_use_camera": (c_int32, [c_void_p, c_uint32]),
     "heddle_scene_get_camera": (c_int32, [c_void_p, c_uint32, c_uint32, POINTER(Camera)]),
     "heddle_scene_describe": (c_int32, [c_void_p, _TEXT]),
@@ -164,10 +168,13 @@ PROTOTYPES = {
     "heddle_graph_describe": (c_int32, [c_void_p, _TEXT]),
     "heddle_graph_keep": (c_int32, [c_void_p, c_char_p]),
     "heddle_graph_set": (c_int32, [c_void_p, c_char_p]),
+    "heddle_graph_get": (c_int32, [c_void_p, c_char_p, _TEXT]),
     "heddle_graph_reload": (c_int32, [c_void_p]),
     "heddle_graph_files": (c_int32, [c_void_p, _TEXT]),
     "heddle_render": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions)]),
     "heddle_read": (c_int32, [c_void_p, c_char_p, c_uint32, c_uint32, POINTER(Image)]),
+    "heddle_read_into": (
+        c_int32, [c_void_p, c_char_p, c_uint32, c_uint32, POINTER(c_float), c_uint64, POINTER(Image)]),
     "heddle_inspect": (
         c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), POINTER(c_uint32), c_uint32, c_char_p, _TEXT]),
     "heddle_graph_check": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), c_uint32, _TEXT]),
@@ -178,7 +185,7 @@ PROTOTYPES = {
 }
 
 
-def find():
+def find() -> pathlib.Path:
     """Path of libheddle.so: HEDDLE_LIBRARY, else an installed prefix, else build/ of the source tree."""
     chosen = os.environ.get("HEDDLE_LIBRARY")
     if chosen:
@@ -195,7 +202,7 @@ def find():
     raise ImportError(f"libheddle.so was not found in {places}: build Heddle, or set HEDDLE_LIBRARY to its path")
 
 
-def load():
+def load() -> ctypes.CDLL:
     """The library, with every prototype set."""
     library = ctypes.CDLL(str(find()))
     for name, (result, arguments) in PROTOTYPES.items():

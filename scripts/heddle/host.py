@@ -7,7 +7,8 @@ import ctypes
 import json
 import pathlib
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,9 @@ _heddle = c.load()
 LIGHT_TYPES = ("directional", "point", "spot", "sphere", "capsule", "cone", "wedge", "box", "rectangle", "environment")
 ALPHA_MODES = ("opaque", "mask", "blend")
 WRAPS = ("repeat", "mirror", "clamp")
+# A value of a setting or of a component's property.
+Value = Union[bool, int, float, str, Sequence[Any]]
+_Self = TypeVar("_Self", bound="_Object")
 
 
 class Error(RuntimeError):
@@ -47,7 +51,7 @@ def _floats(values: ArrayLike | None, columns: int, what: str) -> NDArray[np.flo
     return array
 
 
-def _pointer(array: NDArray | None, kind):
+def _pointer(array: NDArray | None, kind: Any) -> Any:
     return None if array is None else array.ctypes.data_as(ctypes.POINTER(kind))
 
 
@@ -64,14 +68,14 @@ class _Object:
     and destroys those first; what lost its host that way does nothing more.
     """
 
-    _destroy: Callable
+    _destroy: Callable[[Any], Any]
 
     def __init__(self, handle: ctypes.c_void_p, host: Host | None):
-        self._raw = handle.value
+        self._raw: int | None = handle.value
         self._host = host
         self._children: dict[int, Callable] = {}
         if host is not None:
-            host._children[self._raw] = type(self)._destroy
+            host._children[handle.value or 0] = type(self)._destroy
 
     @property
     def _handle(self) -> ctypes.c_void_p:
@@ -90,24 +94,28 @@ class _Object:
                 destroy(raw)
             return
         # Graphs before scenes: a graph may hold what it uploaded of a scene.
-        for child, destroy in sorted(self._children.items(), key=lambda item: item[1] is not Graph._destroy):
-            destroy(child)
+        for child, end in sorted(self._children.items(), key=lambda item: item[1] is not Graph._destroy):
+            end(child)
         self._children.clear()
         type(self)._destroy(raw)
 
-    def __enter__(self):
+    def __enter__(self: _Self) -> _Self:
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self.close()
 
-    def __del__(self):
+    def __del__(self) -> None:
         self.close()
 
     def _check(self, status: int) -> None:
-        if status:
-            host = self._host._handle if self._host is not None else self._handle
-            raise Error(status, _heddle.heddle_error(host).decode())
+        if not status:
+            return
+        host: Any = self._host if self._host is not None else self
+        raised, host._raised = host._raised, None
+        if raised is not None:  # by the progress callback: the call ended for its sake
+            raise raised
+        raise Error(status, _heddle.heddle_error(host._handle).decode())
 
 
 class Host(_Object):
@@ -120,29 +128,47 @@ class Host(_Object):
     plugin_path: folders separated by ':'; None: the library's own
     remake:      make artifacts that the cache holds again, and replace them
     log:         called with (severity 0 error, 1 warning, 2 information; text); None: warnings go to stderr
+    progress:    called with (what the host is at, how much of that is done, 0..1) while it loads, plans and renders; what
+                 it raises, an interrupt from the keyboard too, ends the call, leaves everything as before, and is raised
+                 by the call
     raises:      Error
     """
 
     _destroy = _heddle.heddle_destroy
 
     def __init__(self, device: str | None = None, validation: bool = False, plugin_path: str | None = None,
-                 log: Callable[[int, str], None] | None = None, check: bool = False, remake: bool = False):
+                 log: Callable[[int, str], None] | None = None, check: bool = False,
+                 progress: Callable[[str, float], object] | None = None, remake: bool = False):
+        self._raised: BaseException | None = None
         say = log if log is not None else _log_to_stderr
         self._log = c.LogFunction(lambda _user, severity, text: say(severity, text.decode()))
         flags = (c.HOST_VALIDATION if validation else 0) | (c.HOST_CHECK if check else 0)
         flags |= c.HOST_REMAKE if remake else 0
+        tell: Any = c.ProgressFunction
+        self._progress = tell(self._tell(progress)) if progress is not None else tell()
         options = c.HostOptions(ctypes.sizeof(c.HostOptions), flags, _encode(device), _encode(plugin_path), None,
-                                self._log, None)
+                                self._log, None, self._progress, None)
         handle = ctypes.c_void_p()
         status = _heddle.heddle_create(ctypes.byref(options), ctypes.byref(handle))
         if status:
             raise Error(status, _heddle.heddle_error(None).decode())
         super().__init__(handle, None)
 
-    def _text(self, function) -> str:
+    def _tell(self, progress: Callable[[str, float], object]) -> Callable[[Any, bytes, float], int]:
+        def tell(_user: Any, activity: bytes, fraction: float) -> int:
+            try:
+                progress(activity.decode(), fraction)
+            except BaseException as raised:  # nothing may leave into C
+                self._raised = raised
+                return 1
+            return 0
+
+        return tell
+
+    def _text(self, function: Any) -> str:
         text = ctypes.c_char_p()
         self._check(function(self._handle, ctypes.byref(text)))
-        return text.value.decode()
+        return _decode(text)
 
     def cancel(self) -> None:
         """Stops the frame that renders, or else the next one: its call raises Error with status 6. From any thread."""
@@ -158,7 +184,7 @@ class Host(_Object):
         """Roles and techniques, from manifests alone."""
         return json.loads(self._text(_heddle.heddle_list))
 
-    def devices(self) -> list[dict]:
+    def devices(self) -> Sequence[dict]:
         """Vulkan devices of this machine."""
         return json.loads(self._text(_heddle.heddle_devices))["devices"]
 
@@ -203,7 +229,7 @@ class Host(_Object):
         self._check(_heddle.heddle_image_compare(self._handle, ctypes.byref(a), ctypes.byref(b),
                                                  _encode(None if difference is None else str(difference)),
                                                  ctypes.byref(text)))
-        return json.loads(text.value.decode())
+        return json.loads(_decode(text))
 
 
 class Scene(_Object):
@@ -271,7 +297,7 @@ class Scene(_Object):
             "tangents": _floats(tangents, 4, "tangents"), "uv0": _floats(uv0, 2, "uv0"), "uv1": _floats(uv1, 2, "uv1"),
             "colors": _floats(colors, 4, "colors"),
         }
-        count = len(arrays["positions"])
+        count = len(positions)  # type: ignore[arg-type]  # two-dimensional, as _floats found
         for what, array in arrays.items():
             if array is not None and len(array) != count:
                 raise Error(2, f"error: {what} has {len(array)} rows: expected {count}, as positions")
@@ -308,6 +334,24 @@ class Scene(_Object):
         record = _light(type, intensity, position, direction, range, inner_angle, outer_angle, radius, tangent, segment_length,
                         half_extent, casts_shadow)
         self._check(_heddle.heddle_scene_set_light(self._handle, light, ctypes.byref(record)))
+
+    def component(self, name: str, properties: Mapping[str, Value] | None = None, *, instance: int | None = None,
+                  material: int | None = None, light: int | None = None) -> None:
+        """Puts a component, "shadow.settings", on a thing of the scene, or changes properties of the one that it has.
+
+        properties: {"priority": 2, "near_distance": 0.1}; numbers, lists of three numbers, booleans and words, as the role
+                    that reads the component declares them (`heddle list ROLE`, Host.list)
+        instance, material, light: the id of what it sits on; none of them: the scene itself
+        raises:     Error for what no role declares, with the nearest right name, and for values of a wrong type or range
+        """
+        owners = [(c.OWNER_INSTANCE, instance), (c.OWNER_MATERIAL, material), (c.OWNER_LIGHT, light)]
+        given = [(kind, index) for kind, index in owners if index is not None]
+        if len(given) > 1:
+            raise Error(2, f"error: the component '{name}' was given several owners\n  expected: one of instance, material, "
+                           "light, or none of them for the scene")
+        kind, index = given[0] if given else (c.OWNER_SCENE, 0)
+        text = json.dumps({key: _plain(value) for key, value in (properties or {}).items()})
+        self._check(_heddle.heddle_scene_set_component(self._handle, kind, index, name.encode(), text.encode()))
 
     def camera(self, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
                up: Sequence[float] = (0, 1, 0), near: float = 0.05, use: bool = True, name: str | None = None) -> int:
@@ -377,7 +421,8 @@ class Scene(_Object):
         self._check(_heddle.heddle_scene_triangles(self._handle, ctypes.byref(found)))
         vertices, triangles = found.vertex_count, found.triangle_count
 
-        def array(pointer, shape, kind):
+        def array(pointer: Any, shape: tuple[int, ...], kind: Any) -> NDArray:
+            # A copy: the scene makes the arrays anew when it moves or changes.
             return np.ctypeslib.as_array(pointer, shape).copy() if shape[0] else np.zeros(shape, kind)
 
         relative = array(found.positions, (vertices, 3), np.float32)
@@ -395,12 +440,12 @@ class Scene(_Object):
         return json.loads(text.value.decode())
 
     def describe(self) -> dict:
-        """Counts, bounds, names, animations and features."""
+        """Counts, bounds, names, animations, components and features."""
         text = ctypes.c_char_p()
         self._check(_heddle.heddle_scene_describe(self._handle, ctypes.byref(text)))
-        return json.loads(text.value.decode())
+        return json.loads(_decode(text))
 
-    def _add(self, function, name: str | None, *arguments) -> int:
+    def _add(self, function: Any, name: str | None, *arguments: Any) -> int:
         index = ctypes.c_uint32()
         self._check(function(self._handle, _encode(name), *arguments, ctypes.byref(index)))
         return index.value
@@ -416,9 +461,34 @@ class Graph(_Object):
         """Keeps a port, "ao.visibility", readable after the frames to come."""
         self._check(_heddle.heddle_graph_keep(self._handle, port.encode()))
 
-    def set(self, setting: str) -> None:
-        """Changes a parameter or technique between frames: "ao.params.radius=1.5", "ao.technique=none"."""
-        self._check(_heddle.heddle_graph_set(self._handle, setting.encode()))
+    def get(self, key: str | None = None) -> Any:
+        """What a setting of that key says now: get("ao.params.radius") -> 0.5, get("ao.technique") -> "gtao",
+        get("ao.inputs.depth") -> "gbuffer.depth", get("ao") -> all of a pass; None: everything.
+
+        raises: Error with the nearest right name
+        """
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_graph_get(self._handle, _encode(key), ctypes.byref(text)))
+        return json.loads(_decode(text))
+
+    def set(self, setting: str, value: Value | None = None) -> None:
+        """Changes a setting between frames: set("ao.params.radius=1.5"), or set("ao.params.radius", 1.5).
+
+        A parameter changes in place; anything else makes a new plan at the next frame.
+        """
+        text = setting if value is None else f"{setting}={_toml(value)}"
+        self._check(_heddle.heddle_graph_set(self._handle, text.encode()))
+
+    def swap(self, pass_name: str, technique: str) -> str:
+        """Gives a pass another technique of its role ("none": the role's neutral value). Returns the one that it had."""
+        before: str = self.get(f"{pass_name}.technique")
+        self.set(f"{pass_name}.technique", technique)
+        return before
+
+    def reload(self) -> None:
+        """Reads the graph's file again and applies what was set since; edited shaders, and rebuilt plugins that no other
+        graph holds, count from the next frame on. On an error the graph is as before."""
+        self._check(_heddle.heddle_graph_reload(self._handle))
 
     def render(self, scene: Scene, time: float | None = None, time_step: float = 0.0, seed: int = 0, cut: bool = False,
                profile: bool = False, anew: bool = False) -> None:
@@ -475,11 +545,27 @@ class Graph(_Object):
         scene._time = options.time
         return text.value.decode()
 
-    def read(self, port: str | None = None, layer: int = 0, mip: int = 0) -> NDArray[np.float32]:
-        """float32 (height, width, channels) of a kept port, or of the graph's output (None)."""
+    def read(self, port: str | None = None, layer: int = 0, mip: int = 0,
+             out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+        """float32 (height, width, channels) of a kept port, or of the graph's output (None).
+
+        The host writes into the array itself, once, from memory that it shares with the device: texels become float32
+        there (unorm 0..1), so nothing of the device is ever seen that a later frame could change, and the array lives as
+        long as you keep it.
+
+        out:    an array of that shape to write into, C-contiguous: frames after frames without new memory
+        raises: Error for a port that was not kept, or an `out` of another shape, type or layout
+        """
         image = c.Image(ctypes.sizeof(c.Image))
-        self._check(_heddle.heddle_read(self._handle, _encode(port), layer, mip, ctypes.byref(image)))
-        return _to_array(image)
+        self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, None, 0, ctypes.byref(image)))
+        shape = (image.height, image.width, image.channels)
+        array = np.empty(shape, np.float32) if out is None else out
+        if array.shape != shape or array.dtype != np.float32 or not (array.flags.c_contiguous and array.flags.writeable):
+            raise Error(2, f"error: 'out' is {array.dtype} {array.shape}, {'' if array.flags.c_contiguous else 'not '}"
+                           f"contiguous\n  expected: float32 {shape}, contiguous and writeable")
+        self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, _pointer(array, ctypes.c_float),
+                                             array.size, ctypes.byref(image)))
+        return array
 
     def check(self, scene: Scene, frames: int = 3, time: float = 0.0, time_step: float = 0.0, seed: int = 0) -> dict:
         """Proves that the graph does what it declares, on a host made with check=True.
@@ -495,24 +581,21 @@ class Graph(_Object):
         text = ctypes.c_char_p()
         self._check(_heddle.heddle_graph_check(self._handle, scene._handle, ctypes.byref(options), frames,
                                                ctypes.byref(text)))
-        return json.loads(text.value.decode())
+        return json.loads(_decode(text))
 
     def stats(self) -> dict:
-        """Of the last frame: times in ms, counters, memory in bytes, libraries."""
+        """Of the last frame: {"wall_ms": recording and running, "submit_ms": from submission to fence, "stages": of a
+        profiled frame [{"pass", "stage", "wall_ms", "cpu_ms"}], "counters": commands and bytes, "memory": bytes,
+        "libraries", "device", "frames": since the graph was planned}."""
         text = ctypes.c_char_p()
         self._check(_heddle.heddle_stats(self._handle, ctypes.byref(text)))
-        return json.loads(text.value.decode())
+        return json.loads(_decode(text))
 
     def files(self) -> list[str]:
         """Paths of the files that `reload` would read: graphs, roles, manifests, libraries, shaders."""
         text = ctypes.c_char_p()
         self._check(_heddle.heddle_graph_files(self._handle, ctypes.byref(text)))
-        return json.loads(text.value.decode())
-
-    def reload(self) -> None:
-        """Reads again what changed on disk: the graph's files, roles, plugins and shaders. Settings hold; what did not
-        change goes on with all that it kept between frames. On an error the graph is as it was, its last frame included."""
-        self._check(_heddle.heddle_graph_reload(self._handle))
+        return json.loads(_decode(text))
 
     def explain(self, format: str = "text", why: str | None = None) -> str:
         """What was decided and why: text, json or dot. why: of one pass: why it runs or does not, why it stands where it
@@ -522,7 +605,7 @@ class Graph(_Object):
             self._check(_heddle.heddle_graph_explain(self._handle, format.encode(), ctypes.byref(text)))
         else:
             self._check(_heddle.heddle_graph_explain_pass(self._handle, why.encode(), format.encode(), ctypes.byref(text)))
-        return text.value.decode()
+        return _decode(text)
 
     def describe(self) -> dict:
         """What the graph says, without planning it: file, extent, output, presets, passes with their techniques, parameters
@@ -532,8 +615,27 @@ class Graph(_Object):
         return json.loads(text.value.decode())
 
 
-def _light(type, intensity, position, direction, range, inner_angle, outer_angle, radius, tangent, segment_length, half_extent,
-           casts_shadow) -> c.SceneLight:
+def _decode(text: ctypes.c_char_p) -> str:
+    return (text.value or b"").decode()
+
+
+def _plain(value: Any) -> Any:
+    """Numbers and arrays of numpy as Python's own."""
+    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
+
+
+def _toml(value: Any) -> str:
+    value = _plain(value)
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(_toml(element) for element in value) + "]"
+    if isinstance(value, float) and not np.isfinite(value):
+        return repr(value)  # nan, inf, -inf, as TOML has them
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _light(type: str, intensity: Sequence[float], position: Sequence[float], direction: Sequence[float], range: float,
+           inner_angle: float, outer_angle: float, radius: float, tangent: Sequence[float], segment_length: float,
+           half_extent: Sequence[float], casts_shadow: bool) -> c.SceneLight:
     record = c.Light()
     record.type = _choice(type, LIGHT_TYPES, "light type")
     record.intensity[:] = tuple(intensity)
@@ -559,7 +661,7 @@ def _log_to_stderr(severity: int, text: str) -> None:
 
 
 def _to_array(image: c.Image) -> NDArray[np.float32]:
-    # One copy: the C side reuses its memory at the next call.
+    # One copy: the host keeps one image that it read from a file, and the next read_image replaces it.
     return np.ctypeslib.as_array(image.pixels, (image.height, image.width, image.channels)).copy()
 
 
@@ -573,14 +675,15 @@ def _to_image(pixels: ArrayLike) -> tuple[c.Image, NDArray[np.float32]]:
     return c.Image(ctypes.sizeof(c.Image), width, height, channels, _pointer(array, ctypes.c_float)), array
 
 
-def _matrix(transform: ArrayLike | None):
+def _matrix(transform: ArrayLike | None) -> Any:
     matrix = np.eye(4) if transform is None else np.asarray(transform, dtype=np.float64)
     if matrix.shape != (4, 4):
         raise Error(2, f"error: a transform has shape {matrix.shape}: expected (4, 4)")
     return (ctypes.c_double * 16)(*matrix.T.reshape(-1))  # C wants columns
 
 
-def _look_rotation(position, target, up) -> tuple[float, float, float, float]:
+def _look_rotation(position: Sequence[float], target: Sequence[float],
+                   up: Sequence[float]) -> tuple[float, float, float, float]:
     """Quaternion x y z w of a view along -Z from position to target."""
     back = np.asarray(position, dtype=np.float64) - np.asarray(target, dtype=np.float64)
     length = np.linalg.norm(back)
@@ -605,4 +708,4 @@ def _look_rotation(position, target, up) -> tuple[float, float, float, float]:
         q = [(m[0, 1] + m[1, 0]) / s, s / 4, (m[1, 2] + m[2, 1]) / s, (m[0, 2] - m[2, 0]) / s]
     else:
         q = [(m[0, 2] + m[2, 0]) / s, (m[1, 2] + m[2, 1]) / s, s / 4, (m[1, 0] - m[0, 1]) / s]
-    return tuple(float(x) for x in q)
+    return float(q[0]), float(q[1]), float(q[2]), float(q[3])

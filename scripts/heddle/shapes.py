@@ -7,7 +7,11 @@ every shape.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 def merge(*shapes: dict) -> dict:
@@ -18,14 +22,16 @@ def merge(*shapes: dict) -> dict:
     return merged
 
 
-def moved(shape: dict, offset=(0, 0, 0)) -> dict:
+def moved(shape: dict, offset: ArrayLike = (0, 0, 0)) -> dict:
     """A copy elsewhere."""
     return {**shape, "positions": shape["positions"] + np.asarray(offset, dtype=np.float64)}
 
 
-def quad(origin, u, v) -> dict:
+def quad(origin: ArrayLike, u: ArrayLike, v: ArrayLike) -> dict:
     """The parallelogram origin, origin + u, ... ; it faces cross(u, v)."""
-    origin, u, v = (np.asarray(x, dtype=np.float64) for x in (origin, u, v))
+    origin = np.asarray(origin, dtype=np.float64)
+    u = np.asarray(u, dtype=np.float64)
+    v = np.asarray(v, dtype=np.float64)
     normal = np.cross(u, v)
     normal /= np.linalg.norm(normal)
     lu, lv = np.linalg.norm(u), np.linalg.norm(v)
@@ -37,9 +43,9 @@ def quad(origin, u, v) -> dict:
     }
 
 
-def box(size, center=(0, 0, 0)) -> dict:
+def box(size: ArrayLike, center: ArrayLike = (0, 0, 0)) -> dict:
     """An axis-aligned box, faces outward."""
-    x, y, z = (0.5 * s for s in size)
+    x, y, z = 0.5 * np.asarray(size, dtype=np.float64)
     faces = [
         quad((x, -y, z), (0, 0, -2 * z), (0, 2 * y, 0)), quad((-x, -y, -z), (0, 0, 2 * z), (0, 2 * y, 0)),
         quad((-x, y, z), (2 * x, 0, 0), (0, 0, -2 * z)), quad((-x, -y, -z), (2 * x, 0, 0), (0, 0, 2 * z)),
@@ -48,7 +54,7 @@ def box(size, center=(0, 0, 0)) -> dict:
     return moved(merge(*faces), center)
 
 
-def lathe(profile, segments: int = 24) -> dict:
+def lathe(profile: ArrayLike, segments: int = 24) -> dict:
     """A profile of (radius, height) points turned about +Y, going up; flat between points, smooth around."""
     profile = np.asarray(profile, dtype=np.float64)
     angles = np.linspace(0, 2 * np.pi, segments + 1)
@@ -111,7 +117,7 @@ def arch(span: float, rise: float, depth: float, thickness: float, segments: int
     corners = np.array([[0, 1, n + 1], [0, n + 1, n]])
     strip = (corners[None] + i[:, None, None]).reshape(-1, 3)
 
-    def face(points_a, points_b, za, zb, normals, flip):
+    def face(points_a: Any, points_b: Any, za: Any, zb: Any, normals: Any, flip: Any) -> dict:
         positions = np.concatenate([np.column_stack([points_a, np.full(n, za)]), np.column_stack([points_b, np.full(n, zb)])])
         return {"positions": positions, "normals": normals, "uv0": np.column_stack([positions[:, 0] + positions[:, 2], -positions[:, 1]]),
                 "indices": strip[:, ::-1] if flip else strip}
@@ -177,14 +183,14 @@ def torus(radius: float, tube: float, segments: int = 24, sides: int = 10) -> di
     normal = np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], -1).reshape(-1, 3)
     center = np.stack([radius * np.cos(u), radius * np.sin(u), np.zeros_like(u)], -1).reshape(-1, 3)
     i, j = (a.reshape(-1) for a in np.meshgrid(np.arange(segments), np.arange(sides), indexing="ij"))
-    a = i * (sides + 1) + j
-    b = a + sides + 1
+    a: Any = i * (sides + 1) + j
+    b: Any = a + sides + 1
     return {"positions": center + tube * normal, "normals": normal,
             "uv0": np.stack([u * radius, v * tube], -1).reshape(-1, 2),
             "indices": np.concatenate([np.stack([a, b, b + 1], 1), np.stack([a, b + 1, a + 1], 1)])}
 
 
-def prism(outline, depth: float) -> dict:
+def prism(outline: ArrayLike, depth: float) -> dict:
     """A convex outline of the x-y plane, counter-clockwise, made `depth` thick about z = 0; flat faces."""
     outline = np.asarray(outline, dtype=np.float64)
     n, z = len(outline), 0.5 * depth
@@ -198,7 +204,7 @@ def prism(outline, depth: float) -> dict:
     return merge(*parts)
 
 
-def tube(points, radius: float, sides: int = 6) -> dict:
+def tube(points: ArrayLike, radius: float, sides: int = 6) -> dict:
     """A pipe along a line of points (n, 3), open at its ends; smooth around and along."""
     points = np.asarray(points, dtype=np.float64)
     along = np.gradient(points, axis=0)
@@ -206,23 +212,24 @@ def tube(points, radius: float, sides: int = 6) -> dict:
     # The frame is carried from point to point, so that nothing twists.
     across = np.empty_like(points)
     start = np.cross(along[0], (0, 1, 0) if abs(along[0][1]) < 0.9 else (1, 0, 0))
-    for i, direction in enumerate(along):
+    for k, direction in enumerate(along):
         start = start - direction * (start @ direction)
         start /= np.linalg.norm(start)
-        across[i] = start
+        across[k] = start
     other = np.cross(along, across)
     angles = np.linspace(0, 2 * np.pi, sides + 1)
     normal = across[:, None] * np.cos(angles)[None, :, None] + other[:, None] * np.sin(angles)[None, :, None]
     length = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     uv = np.stack(np.broadcast_arrays(angles[None] * radius, length[:, None]), -1)
     i, j = (a.reshape(-1) for a in np.meshgrid(np.arange(len(points) - 1), np.arange(sides), indexing="ij"))
-    a = i * (sides + 1) + j
-    b = a + sides + 1
+    a: Any = i * (sides + 1) + j
+    b: Any = a + sides + 1
     return {"positions": (points[:, None] + radius * normal).reshape(-1, 3), "normals": normal.reshape(-1, 3),
             "uv0": uv.reshape(-1, 2), "indices": np.concatenate([np.stack([a, a + 1, b + 1], 1), np.stack([a, b + 1, b], 1)])}
 
 
-def grid(size_x: float, size_z: float, columns: int, rows: int, height=None) -> dict:
+def grid(size_x: float, size_z: float, columns: int, rows: int,
+         height: Callable[[Any, Any], Any] | None = None) -> dict:
     """A field of squares about the origin, facing +Y; height(x, z) lifts it, with normals from central differences."""
     x, z = np.meshgrid(np.linspace(-0.5 * size_x, 0.5 * size_x, columns + 1), np.linspace(-0.5 * size_z, 0.5 * size_z, rows + 1))
     step = 1e-3

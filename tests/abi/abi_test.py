@@ -123,7 +123,9 @@ class Host(unittest.TestCase):
 
     def test_exports_what_its_header_declares_and_nothing_else(self):
         header = pathlib.Path(SOURCE) / "api/heddle/heddle.h"
-        self.assertEqual(exported(self.library()), sorted(name for _, name, _ in headers.functions(header) if name != "log"))
+        # The callbacks in heddle_host_options are members, not exports.
+        declared = {name for _, name, _ in headers.functions(header)} - {"log", "progress"}
+        self.assertEqual(exported(self.library()), sorted(declared))
 
     def test_needs_no_library_that_is_opened_only_on_demand(self):
         # The closure, not only the direct needs: another library could bring them in.

@@ -169,7 +169,10 @@ TEST(Latency, BringsEveryFrameExactlyTwoFramesLater) {
     EXPECT_EQ(image.at(9, 3, 1), has_arrived ? static_cast<float>(3 * (k - 2) + 5) : 0.0F) << "frame " << k;
     EXPECT_EQ(image.at(9, 3, 2), has_arrived ? static_cast<float>(3 * (k - 2) + 7) : 0.0F) << "frame " << k;
     EXPECT_EQ(image.at(9, 3, 3), has_arrived ? 0.0F : 1.0F) << "what is not there reads as zeros";
-    if (k > 0) EXPECT_EQ(counter(graph, "submits"), 1U);  // the first frame uploads the scene too
+    // The first frame uploads the scene too.
+    if (k > 0) {
+      EXPECT_EQ(counter(graph, "submits"), 1U);
+    }
     EXPECT_EQ(stat(graph, "stalls"), 0U);
   }
 }
@@ -182,7 +185,9 @@ TEST(Latency, OfZeroSplitsTheFrame) {
     EXPECT_EQ(image.at(9, 3, 0), static_cast<float>(k + 1));
     EXPECT_EQ(image.at(9, 3, 1), static_cast<float>(3 * k + 5));
     EXPECT_EQ(image.at(9, 3, 2), static_cast<float>(3 * k + 7));
-    if (k > 0) EXPECT_EQ(counter(graph, "submits"), 2U);  // the first frame uploads the scene too
+    if (k > 0) {
+      EXPECT_EQ(counter(graph, "submits"), 2U);
+    }
     EXPECT_EQ(stat(graph, "stalls"), 1U);
   }
 }

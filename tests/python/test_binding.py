@@ -8,6 +8,7 @@ import subprocess
 import pytest
 
 from heddle import _library
+from heddle.host import ALPHA_MODES, LIGHT_TYPES
 
 POINTERS_TO_OPAQUE = ("heddle_host", "heddle_scene", "heddle_graph")
 STRUCTURES = {
@@ -31,7 +32,8 @@ def c_type(text):
         return {1: ctypes.c_void_p, 2: ctypes.POINTER(ctypes.c_void_p)}[stars]
     if name == "char":
         return {1: ctypes.c_char_p, 2: ctypes.POINTER(ctypes.c_char_p)}[stars]
-    plain = {"void": None, "heddle_status": ctypes.c_int32, "uint32_t": ctypes.c_uint32, "double": ctypes.c_double}
+    plain = {"uint8_t": ctypes.c_uint8, "void": None, "heddle_status": ctypes.c_int32, "uint32_t": ctypes.c_uint32, "uint64_t": ctypes.c_uint64,
+             "double": ctypes.c_double, "float": ctypes.c_float}
     base = plain[name] if name in plain else STRUCTURES[name]
     return base if stars == 0 else ctypes.POINTER(base)
 
@@ -52,6 +54,81 @@ def test_every_exported_function_is_bound_with_its_types(root):
     assert set(declared) == set(_library.PROTOTYPES)
     for name, (result, arguments) in declared.items():
         assert (result, arguments) == _library.PROTOTYPES[name], name
+
+
+# Constants of the headers that the package says in words of its own, by prefix: None where they are methods' business.
+CONSTANTS = {
+    "HEDDLE_NONE": _library.NONE, "HEDDLE_HOST_VALIDATION": _library.HOST_VALIDATION, "HEDDLE_HOST_CHECK": _library.HOST_CHECK,
+    "HEDDLE_RENDER_PROFILE": _library.RENDER_PROFILE, "HEDDLE_ANIMATION_LOOP": _library.ANIMATION_LOOP,
+    "HEDDLE_LOAD_TRUSTED": _library.LOAD_TRUSTED, "HEDDLE_TEXTURE_COUNT": _library.TEXTURE_COUNT,
+    "HEDDLE_OWNER_SCENE": _library.OWNER_SCENE, "HEDDLE_OWNER_INSTANCE": _library.OWNER_INSTANCE,
+    "HEDDLE_OWNER_MATERIAL": _library.OWNER_MATERIAL, "HEDDLE_OWNER_LIGHT": _library.OWNER_LIGHT,
+    "HEDDLE_LIGHT_CASTS_SHADOW": 1, "HEDDLE_MATERIAL_DOUBLE_SIDED": 1, "HEDDLE_MATERIAL_UNLIT": 2,
+    "HEDDLE_FILTER_NEAREST_MAGNIFIED": 1,
+    **{f"HEDDLE_LIGHT_{name.upper()}": i for i, name in enumerate(LIGHT_TYPES)},
+    **{f"HEDDLE_ALPHA_{name.upper()}": i for i, name in enumerate(ALPHA_MODES)},
+}
+
+
+def test_constants_have_the_headers_values(root, tmp_path):
+    names = sorted(CONSTANTS)
+    prints = "".join(f'printf("%lld ", (long long)({name}));' for name in names)
+    source = tmp_path / "constants.c"
+    source.write_text("#include <stdio.h>\n#include <heddle/components.h>\n#include <heddle/heddle.h>\n"
+                      f"int main(void) {{ {prints} return 0; }}\n")
+    program = tmp_path / "constants"
+    subprocess.run(["cc", "-std=c11", f"-I{root / 'api'}", source, "-o", program], check=True)
+    printed = subprocess.run([program], capture_output=True, text=True, check=True).stdout.split()
+    assert dict(zip(names, map(int, printed))) == {name: CONSTANTS[name] for name in names}
+
+
+def test_every_constant_of_the_application_header_is_bound_or_known_to_have_no_use(root):
+    text = (root / "api" / "heddle" / "heddle.h").read_text()
+    declared = set(re.findall(r"^#define (HEDDLE_\w+) \w", text, re.M))
+    # Python's textures are linear or nearest in all directions; files alone ask for the rest.
+    unused = {"HEDDLE_FILTER_NEAREST_MINIFIED", "HEDDLE_FILTER_NEAREST_LEVEL", "HEDDLE_FILTER_FINEST_LEVEL"}
+    assert declared - unused == declared & set(CONSTANTS)
+
+
+def test_every_structure_of_the_application_header_is_bound(root):
+    text = (root / "api" / "heddle" / "heddle.h").read_text()
+    assert set(re.findall(r"^\} (heddle_\w+);", text, re.M)) <= set(STRUCTURES)
+
+
+@pytest.mark.parametrize("name", STRUCTURES)
+def test_every_field_is_bound_with_its_type(root, name):
+    """Layouts alone would not tell a float from an integer of its size."""
+    headers = "".join((root / "api" / "heddle" / file).read_text() for file in ("heddle.h", "records.h"))
+    headers = re.sub(r"/\*.*?\*/|//[^\n]*", "", headers, flags=re.S)
+    if name.startswith("Heddle"):
+        body = re.search(rf"HEDDLE_BEGIN_RECORD\({name}\)(.*?)HEDDLE_END_RECORD", headers, re.S).group(1)
+        floats = {field: kind != "UINT" for kind, field in re.findall(r"HEDDLE_(FLOAT|UINT|MAT)\d?\((\w+)\)", body)}
+        kinds = {field: ctypes.c_float if is_float else ctypes.c_uint32 for field, is_float in floats.items()}
+    else:
+        body = re.search(rf"typedef struct {name} \{{(.*?)\}} {name};", headers, re.S).group(1)
+        kinds = {}
+        for declaration in filter(str.strip, body.split(";")):
+            if "(" in declaration:  # a function
+                kinds[re.search(r"\(\*\s*(\w+)\)", declaration).group(1)] = None
+                continue
+            words = re.sub(r"\bconst\b", "", declaration).strip()
+            kind, rest = words.split(None, 1)
+            for part in rest.split(","):
+                field = re.search(r"(\w+)\s*(\[\w+\])?$", part.strip()).group(1)
+                kinds[field] = c_type(kind.rstrip("*") + ("*" if "*" in words else ""))
+    bound = {}
+    for field, kind in structure_fields(STRUCTURES[name]):
+        bound[field] = kind
+    assert list(bound) == list(kinds)
+    for field, kind in kinds.items():
+        if kind is not None:
+            assert bound[field] == kind, field
+
+
+def structure_fields(structure):
+    """(name, type), of arrays their element's."""
+    for field, kind in structure._fields_:
+        yield field, kind._type_ if issubclass(kind, ctypes.Array) else kind
 
 
 @pytest.mark.parametrize("name", STRUCTURES)

@@ -2,7 +2,7 @@
 // Visibility of a light near a point: a ray marched over the main view's depth image. Contact shadows.
 // Source  Sousa, Kasyan and Schulz 2011, "Secrets of CryENGINE 3 Graphics Technology" (screen-space shadows); McGuire and Mara
 //         2014, "Efficient GPU Screen-Space Ray Tracing" (steps along the image with 1/depth); README equations (1), (2)
-// in      depth, camera, lights
+// in      depth, camera, lights, shadow_settings_light (component of a light)
 // loops   one, over `steps` (<= 128)
 #include "view.glsl"
 #include "light.glsl"
@@ -39,7 +39,7 @@ float border_weight(vec2 raster_px) {
 // How much of the light a ray keeps. Parameters and the camera decide by arithmetic, never by a branch (`if`, `&&`, `?:`
 // with more than names): lavapipe 22.3 looks for uniforms in the conditions of branches, and writes past its own table
 // for the fourth uniform block and later ones.
-float march(vec3 start, vec3 end, float ray_length) {
+float march(vec3 start, vec3 end, float ray_length, float distance_here) {
   float start_depth = depth_from_position_rel(camera, start);
   float end_depth = depth_from_position_rel(camera, end);
   // What is in front of the near plane is not in the image: end there.
@@ -60,7 +60,7 @@ float march(vec3 start, vec3 end, float ray_length) {
     float t = kept * mix(s / (to.z * inverse_depth), s, parallel);  // fraction of the whole ray's length
     bvec4 is_inside = bvec4(greaterThanEqual(raster_px, vec2(0.0)), lessThan(raster_px, extent));
     float behind = ray_depth - fetch_depth(ivec2(clamp(raster_px, vec2(0.0), extent - 1.0))).x;  // -Inf: no surface
-    float ray_weight = clamp((params.distance - t * ray_length) / (kRayFade * params.distance), 0.0, 1.0);
+    float ray_weight = clamp((distance_here - t * ray_length) / (kRayFade * max(distance_here, 1e-20)), 0.0, 1.0);
     bool is_hit = all(bvec3(all(is_inside), behind > 0.0, behind < params.thickness));
     occlusion = max(occlusion, ray_weight * border_weight(raster_px) * float(is_hit));
   }
@@ -84,8 +84,11 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
   float body = source.type == HEDDLE_LIGHT_SPHERE || source.type == HEDDLE_LIGHT_CAPSULE ? source.radius : 0.0;
   float room = is_parallel ? kMaxFloat : light_distance - body;
   if (room <= 0.0) return 1.0;
-  float ray_length = min(params.distance, room);
+  HeddleShadowSettings settings = fetch_shadow_settings_light(source.id);
+  float own = float((settings.written & HeddleShadowSettings_contact_distance) != 0u);
+  float distance_here = mix(params.distance, settings.contact_distance, own);
+  float ray_length = min(distance_here, room);
   float depth = depth_from_position_rel(camera, position_rel);
-  vec3 start = position_rel + normal * start_offset(normal, depth + params.distance);
-  return march(start, start + L * ray_length, ray_length);
+  vec3 start = position_rel + normal * start_offset(normal, depth + distance_here);
+  return march(start, start + L * ray_length, ray_length, distance_here);
 }

@@ -18,8 +18,10 @@ constexpr heddle_port kPorts[] = {
     value_in("lights", "the lights that `light` indexes"),
     value_in("camera", "the view that made depth"),
     image_in("depth", "what the main view sees; without it everything is lit", HEDDLE_PORT_OPTIONAL),
+    value_in("shadow_settings_light", nullptr),
 };
-constexpr heddle_access kAccesses[] = {value("lights"), value("camera"), sampled("depth")};
+constexpr heddle_access kAccesses[] = {value("lights"), value("camera"), sampled("depth"),
+                                       value("shadow_settings_light")};
 constexpr heddle_function kFunctions[] = {function("shadow", "contact.glsl", kAccesses)};
 
 constexpr heddle_technique kRayMarchedScreen = [] {
@@ -30,6 +32,7 @@ constexpr heddle_technique kRayMarchedScreen = [] {
   t.ports = list(kPorts, t.port_count);
   t.parameters = list(kParameters, t.parameter_count);
   t.functions = list(kFunctions, t.function_count);
+  t.components = "shadow.settings";
   return t;
 }();
 

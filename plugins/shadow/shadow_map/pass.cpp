@@ -5,6 +5,7 @@
 #include <heddle/pass.hpp>
 
 #include <algorithm>
+#include <numeric>
 #include <string>
 
 namespace {
@@ -18,6 +19,7 @@ using shadow_map::ShadowView;
 constexpr std::uint32_t kMostTaps = 64;
 constexpr std::uint32_t kMostViews = 64;
 constexpr std::uint32_t kMostLights = 4096;
+constexpr const char* kSettings = "shadow.settings";  // component of a light: role.toml
 
 constexpr double kResolutionLadder[] = {512, 1024, 2048, 4096};
 constexpr double kCascadesLadder[] = {1, 2, 3, 4};
@@ -46,9 +48,9 @@ constexpr heddle_port kPorts[] = {
     value_in("camera", "the main view: where directional lights need their texels"),
     image_out_sized("atlas", VK_FORMAT_D32_SFLOAT, 1024, 1024, "a depth map a layer, reversed depth", 0, 16),
     value_out("shadow_views", kMostViews * sizeof(ShadowView), "six vec4 a layer", "vec4 shadow_views[];"),
-    value_out("light_views", kMostLights * sizeof(LightViews), "for each light: first layer, number of layers, layout",
-              "uvec4 light_views[];"),
-    value_out("kernel", kMostTaps * 4 * sizeof(float), "filter taps, in texels", "vec4 kernel[];"),
+    value_out("light_views", kMostLights * sizeof(LightViews),
+              "for each light: first layer, number of layers, layout, filter radius", "uvec4 light_views[];"),
+    value_out("kernel", kMostTaps * 4 * sizeof(float), "filter taps, in filter radii", "vec4 kernel[];"),
 };
 
 constexpr heddle_access kFitAccesses[] = {value("lights"), value("camera"), value("shadow_views"), value("light_views"),
@@ -86,11 +88,10 @@ class ShadowMap {
   }
 
   heddle_status execute(const Frame& frame) {
-    fit_views(frame);
+    if (const heddle_status status = fit_views(frame); status != HEDDLE_OK) return status;
     std::vector<ShadowView> lookups;
     for (const MapView& view : views_) lookups.push_back(view.lookup);
-    const auto kernel = shadow_map::make_kernel(static_cast<std::uint32_t>(frame.host().integer("filter_taps")),
-                                                frame.host().parameter("filter_radius"));
+    const auto kernel = shadow_map::make_kernel(static_cast<std::uint32_t>(frame.host().integer("filter_taps")), 1.0);
     heddle_status status = frame.set_value("shadow_views", std::span<const ShadowView>(lookups));
     if (status == HEDDLE_OK) status = frame.set_value("light_views", std::span<const LightViews>(light_views_));
     if (status == HEDDLE_OK) status = frame.set_value("kernel", std::span<const std::array<float, 4>>(kernel));
@@ -115,34 +116,59 @@ class ShadowMap {
   }
 
  private:
+  /// What the scene says of one light, over the parameters.
+  static Settings settings_for(const HeddleLight& light, const Components& components, Settings settings) {
+    const auto row = components.find(HEDDLE_OWNER_LIGHT, light.id);
+    if (!row) return settings;
+    settings.near_distance = components.written(*row, "near_distance").value_or(settings.near_distance);
+    settings.filter_radius = components.written(*row, "filter_radius").value_or(settings.filter_radius);
+    return settings;
+  }
+
+  /// Lights in the order in which they choose: by priority, then the sun before all others, then as the scene has them.
+  static std::vector<std::size_t> order_of(std::span<const HeddleLight> lights, const Components& components) {
+    std::vector<double> priorities(lights.size(), 0.0);
+    for (std::size_t i = 0; i < lights.size(); ++i) {
+      if (const auto row = components.find(HEDDLE_OWNER_LIGHT, lights[i].id))
+        priorities[i] = components.values(*row, "priority")[0];
+    }
+    std::vector<std::size_t> order(lights.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      if (priorities[a] != priorities[b]) return priorities[a] > priorities[b];
+      return lights[a].type == HEDDLE_LIGHT_DIRECTIONAL && lights[b].type != HEDDLE_LIGHT_DIRECTIONAL;
+    });
+    return order;
+  }
+
   /// Gives depth maps to lights until none is left.
-  void fit_views(const Frame& frame) {
-    const Settings settings = settings_of(frame.host());
+  heddle_status fit_views(const Frame& frame) {
+    const Settings general = settings_of(frame.host());
+    std::optional<Components> components;
+    if (const heddle_status status = frame.components(kSettings, components); status != HEDDLE_OK) return status;
     const auto lights = frame.value<HeddleLight>("lights");
     const auto camera = frame.value<HeddleView>("camera");
     const double* origin = frame.info().origin;
     views_.clear();
     light_views_.assign(std::min<std::size_t>(lights.size(), kMostLights), LightViews{});
-    if (camera.empty()) return;
+    if (camera.empty()) return HEDDLE_OK;
     std::size_t without_map = 0;
-    // The sun matters most: directional lights take their maps before all others.
-    for (const bool is_directional_turn : {true, false}) {
-      for (std::size_t i = 0; i < lights.size(); ++i) {
-        if ((lights[i].type == HEDDLE_LIGHT_DIRECTIONAL) != is_directional_turn) continue;
-        LightViews needed = shadow_map::views_needed(lights[i], settings);
-        if (needed.count == 0) continue;
-        if (i >= light_views_.size() || views_.size() + needed.count > capacity_) {
-          ++without_map;
-          continue;
-        }
-        needed.first = static_cast<std::uint32_t>(views_.size());
-        light_views_[i] = needed;
-        const auto made =
-            shadow_map::make_views(lights[i], camera.front(), glm::dvec3(origin[0], origin[1], origin[2]), settings);
-        views_.insert(views_.end(), made.begin(), made.end());
+    for (const std::size_t i : order_of(lights, *components)) {
+      const Settings settings = settings_for(lights[i], *components, general);
+      LightViews needed = shadow_map::views_needed(lights[i], settings);
+      if (needed.count == 0) continue;
+      if (i >= light_views_.size() || views_.size() + needed.count > capacity_) {
+        ++without_map;
+        continue;
       }
+      needed.first = static_cast<std::uint32_t>(views_.size());
+      light_views_[i] = needed;
+      const auto made =
+          shadow_map::make_views(lights[i], camera.front(), glm::dvec3(origin[0], origin[1], origin[2]), settings);
+      views_.insert(views_.end(), made.begin(), made.end());
     }
     tell_of_lights_without_map(frame.host(), without_map);
+    return HEDDLE_OK;
   }
 
   /// Says once for each number of such lights, not in every frame.
@@ -170,6 +196,7 @@ constexpr heddle_technique kShadowMap = [] {
   t.stages = list(kStages, t.stage_count);
   t.shaders = list(kShaders, t.shader_count);
   t.functions = list(kFunctions, t.function_count);
+  t.components = kSettings;
   return t;
 }();
 

@@ -2,8 +2,8 @@
 // Visibility of a light at a point, looked up in the light's depth maps: normal offset, then percentage-closer filtering.
 // Source  Williams 1978, "Casting curved shadows on curved surfaces"; Reeves, Salesin, Cook 1987, "Rendering antialiased
 //         shadows with depth maps"; the offset is README equation (1)
-// in      lights, light_views (x first view, y views, z kLayout*), shadow_views (6 vec4 a view, ShadowView in views.hpp),
-//         kernel (xy: taps in texels), atlas (reversed depth, a layer a view)
+// in      lights, light_views (LightViews in views.hpp: x first view, y views, z kLayout*, w filter radius in texels),
+//         shadow_views (6 vec4 a view, ShadowView in views.hpp), kernel (xy: taps in filter radii), atlas (reversed depth, a layer a view)
 // loops   over cascades (<= 4) and taps (<= 64)
 
 #include "normal_offset.glsl"
@@ -43,13 +43,13 @@ uint cube_face(vec3 direction) {
   return direction.z >= 0.0 ? 4u : 5u;
 }
 
-float filtered_visibility(uint layer, vec3 ndc) {
+float filtered_visibility(uint layer, vec3 ndc, float filter_radius) {
   vec2 uv = ndc.xy * 0.5 + 0.5;
-  float texel_uv = 1.0 / float(size_atlas().x);
+  float radius_uv = filter_radius / float(size_atlas().x);
   uint taps = uint(kernel.length());
   float sum = 0.0;
   for (uint i = 0u; i < taps; ++i) {
-    sum += compare_atlas(uv + kernel[i].xy * texel_uv, int(layer), max(ndc.z, 0.0));
+    sum += compare_atlas(uv + kernel[i].xy * radius_uv, int(layer), max(ndc.z, 0.0));
   }
   return sum / float(max(taps, 1u));
 }
@@ -59,6 +59,7 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
   uvec4 slot = light_views[light];
   if (slot.y == 0u) return 1.0;
   uint layout_kind = slot.z;
+  float filter_radius = uintBitsToFloat(slot.w);
   bool is_parallel = layout_kind == kLayoutCascades || layout_kind == kLayoutBox;
   HeddleLight source = lights[light];
   uint index = slot.x;
@@ -111,13 +112,13 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
   float along = dot(normal, view.axis);
   float normal_across = sqrt(max(1.0 - along * along, 0.0));
   float offset =
-      normal_offset(params.filter_radius, texel_size, normal_across, length(position_rel) + light_distance);
+      normal_offset(filter_radius, texel_size, normal_across, length(position_rel) + light_distance);
   vec3 lookup = position_rel + normal * offset;
   // No branch from here on: the lookup depends on parameters, and lavapipe 22.3 looks for uniforms in the conditions of
   // branches and writes past its own table for the fourth block and later ones.
   vec4 clip = view.clip_from_rel * vec4(lookup, 1.0);
   vec3 ndc = clip.xyz / max(clip.w, 1e-30);
   bool is_covered = all(bvec2(clip.w > 0.0, max(abs(ndc.x), abs(ndc.y)) <= 1.0));
-  float visibility = mix(filtered_visibility(index, is_covered ? ndc : vec3(0.0)), 1.0, fade);
+  float visibility = mix(filtered_visibility(index, is_covered ? ndc : vec3(0.0), filter_radius), 1.0, fade);
   return is_covered ? visibility : 1.0;
 }

@@ -138,21 +138,22 @@ AxisSphere bounding_sphere(const HeddleView& camera, double distance) {
 LightViews views_needed(const HeddleLight& light, const Settings& settings) {
   const bool shines = light.intensity[0] > 0 || light.intensity[1] > 0 || light.intensity[2] > 0;
   if ((light.flags & HEDDLE_LIGHT_CASTS_SHADOW) == 0 || !shines) return {};
+  const auto radius = static_cast<float>(settings.filter_radius);
   switch (light.type) {
     case HEDDLE_LIGHT_DIRECTIONAL:
-      return {0, settings.cascades, Layout::kCascades, 0};
+      return {0, settings.cascades, Layout::kCascades, radius};
     case HEDDLE_LIGHT_SPOT:
     case HEDDLE_LIGHT_CONE:
-      if (light.cos_outer > std::cos(kWidestSpot)) return {0, 1, Layout::kSpot, 0};
-      return {0, 6, Layout::kCube, 0};
+      if (light.cos_outer > std::cos(kWidestSpot)) return {0, 1, Layout::kSpot, radius};
+      return {0, 6, Layout::kCube, radius};
     case HEDDLE_LIGHT_POINT:
     case HEDDLE_LIGHT_SPHERE:
     case HEDDLE_LIGHT_CAPSULE:
     case HEDDLE_LIGHT_WEDGE:
     case HEDDLE_LIGHT_RECTANGLE:
-      return {0, 6, Layout::kCube, 0};
+      return {0, 6, Layout::kCube, radius};
     case HEDDLE_LIGHT_BOX:
-      return {0, 1, Layout::kBox, 0};
+      return {0, 1, Layout::kBox, radius};
     default:
       return {};
   }

@@ -26,12 +26,13 @@ struct ShadowView {
 };
 static_assert(sizeof(ShadowView) == 96, "six vec4, as shadow_map.glsl reads them");
 
-/// x first view, y number of views, z Layout: one uvec4 of the port `light_views`.
+/// x first view, y number of views, z Layout, w filter radius in texels (the bits of a float): one uvec4 of the port
+/// `light_views`.
 struct LightViews {
   std::uint32_t first = 0;
   std::uint32_t count = 0;
   Layout layout = Layout::kNone;
-  std::uint32_t reserved = 0;
+  float filter_radius = 0;
 };
 static_assert(sizeof(LightViews) == 16, "one uvec4, as shadow_map.glsl reads it");
 
@@ -66,7 +67,8 @@ LightViews views_needed(const HeddleLight& light, const Settings& settings);
 std::vector<MapView> make_views(const HeddleLight& light, const HeddleView& camera, const glm::dvec3& origin,
                                 const Settings& settings);
 
-/// Filter taps in texels, evenly spread over a disk of `radius`, with their mean at its centre; one tap is the centre.
+/// Filter taps, in the unit of `radius`, evenly spread over a disk of `radius`, with their mean at its centre; one tap
+/// is the centre.
 std::vector<std::array<float, 4>> make_kernel(std::uint32_t taps, double radius);
 
 /// Bounding sphere of the part of a view up to `distance` metres: its centre in front of the eye, and its radius.

@@ -106,6 +106,7 @@ struct Example {
     technique.functions = functions;
     technique.features = "mesh light";
     technique.fallback = "nothing";
+    technique.components = "cloud.layer snow.surface";
   }
   Example(const Example&) = delete;
   Example& operator=(const Example&) = delete;
@@ -162,6 +163,7 @@ TEST(Descriptor, IsCopiedWhole) {
   EXPECT_FALSE(technique.find_function("sky")->has_service);
   EXPECT_EQ(technique.features, (std::vector<std::string>{"mesh", "light"}));
   EXPECT_EQ(technique.fallback, "nothing");
+  EXPECT_EQ(technique.components, (std::vector<std::string>{"cloud.layer", "snow.surface"}));
 }
 
 TEST(Descriptor, OfAnOlderPluginKeepsDefaultsForNewFields) {
@@ -188,6 +190,7 @@ TEST(Descriptor, OfAnOlderPluginKeepsDefaultsForNewFields) {
   EXPECT_EQ(technique.ports[1].layers, 1U);
   EXPECT_EQ(technique.ports[1].help, "");
   EXPECT_TRUE(technique.features.empty());
+  EXPECT_TRUE(technique.components.empty());
 }
 
 TEST(Descriptor, OfANewerPluginIsReadByItsOwnStride) {

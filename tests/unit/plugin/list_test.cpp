@@ -23,6 +23,11 @@ TEST(List, SaysEverythingOfTheRepositorysRoles) {
     EXPECT_EQ(json["ports"].size(), role.ports.size());
     EXPECT_EQ(json["functions"].size(), role.functions.size());
     EXPECT_EQ(json["hard_cases"].size(), role.hard_cases.size());
+    ASSERT_EQ(json["components"].size(), role.components.size());
+    for (std::size_t i = 0; i < role.components.size(); ++i) {
+      EXPECT_EQ(json["components"][i]["name"], role.components[i].name);
+      EXPECT_EQ(json["components"][i]["properties"].size(), role.components[i].properties.size());
+    }
   }
   const auto ao = list["roles"][0];
   ASSERT_EQ(ao["name"], "ambient_occlusion");

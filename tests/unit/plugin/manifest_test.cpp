@@ -73,6 +73,7 @@ Technique example() {
   technique.features = {"mesh"};
   technique.device_features = {"rayQuery"};
   technique.fallback = "none";
+  technique.components = {"cloud.layer", "snow.surface"};
   return technique;
 }
 

@@ -118,6 +118,53 @@ class Folders : public testing::Test {
 };
 using Registry_ = Folders;
 
+constexpr std::string_view kComponent = R"toml([[component]]
+name = "blur.area"
+on = ["instance"]
+title = "Where it is blurred"
+[[component.property]]
+name = "radius"
+type = "float"
+default = 2
+help = "h"
+)toml";
+
+TEST_F(Registry_, LaysOutAValueThatGoesByAComponentsName) {
+  write("a/blur/role.toml", std::string(kBlurRole) + std::string(kComponent));
+  Technique technique = blur("box");
+  technique.components = {"blur.area"};
+  technique.ports.push_back(port("blur_area_instance", PortType::kValue, Direction::kIn));
+  add("a", {technique});
+  const Registry registry({root_ / "a"});
+  const Port& completed = *registry.find("blur/box").technique->find_port("blur_area_instance");
+  EXPECT_EQ(completed.glsl, "HeddleBlurArea blur_area_instance[];");
+  EXPECT_THAT(completed.types, HasSubstr("struct HeddleBlurArea { uint is_present; uint written; float radius; };"));
+  EXPECT_EQ(completed.help, "Where it is blurred");
+  EXPECT_EQ(registry.components().find_port("blur_area_instance")->owner, Owner::kInstance);
+  EXPECT_FALSE(registry.components().find_port("blur_area_light").has_value());
+}
+
+TEST_F(Registry_, KnowsTheComponentsThatTechniquesRead) {
+  write("a/blur/role.toml", std::string(kBlurRole) + std::string(kComponent));
+  EXPECT_EQ(message_after([](Technique& technique) {
+              technique.components = {"blur.aera"};
+              technique.ports.push_back(port("blur_area_instance", PortType::kValue, Direction::kIn));
+            }),
+            "a/blur/box/box.so: error: technique 'blur/box': reads the unknown component 'blur.aera'\n"
+            "  expected: one of blur.area\n"
+            "  help:     did you mean 'blur.area'?\n"
+            "a/blur/box/box.so: error: technique 'blur/box': port 'blur_area_instance' reads a component that the "
+            "technique does not name\n"
+            "  expected: 'blur.area' in heddle_technique.components");
+}
+
+TEST_F(Registry_, RefusesAComponentOfTwoRoles) {
+  write("a/blur/role.toml", std::string(kBlurRole) + std::string(kComponent));
+  write("a/noise/role.toml", std::string(kNoiseRole) + std::string(kComponent));
+  EXPECT_EQ(message({"a"}),
+            "error: two roles declare the component 'blur.area': a/blur/role.toml and a/noise/role.toml");
+}
+
 TEST_F(Registry_, FindsRolesAndTechniques) {
   add("a", {blur("box")});
   add("a", {blur("a_first"), blur("a_second")});

@@ -141,7 +141,7 @@ TEST_F(RoleFile, WithAnUnknownKeySaysWhichWasMeant) {
   EXPECT_EQ(message(with("jion = \"sum\"\n") + std::string(kPort)),
             "role.toml:4:1: error: role has no key 'jion'\n"
             "  expected: one of role, revision, title, join, selector, include, references, measure, port, function, "
-            "hard_case\n"
+            "hard_case, component\n"
             "  help:     did you mean 'join'?");
   EXPECT_EQ(message(with(kPort) + "uint = \"m\"\n"),
             "role.toml:9:1: error: port 'a' has no key 'uint'\n"

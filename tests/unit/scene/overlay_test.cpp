@@ -164,7 +164,7 @@ TEST_F(SceneOverlay, AllMistakesAreReportedWithTheirPlaces) {
                     "vertical_angle = nan\n"
                     "nera = 1\n"),
             "a.scene.toml:2:1: error: the overlay: unknown key 'colour'\n"
-            "  expected: one of file, camera, light, material, use_camera, animation, loop\n"
+            "  expected: one of file, camera, light, material, instance, components, use_camera, animation, loop\n"
             "a.scene.toml:3:14: error: the overlay: the scene has no camera 'eey'\n"
             "  expected: one of eye\n"
             "  help:     did you mean 'eye'?\n"
