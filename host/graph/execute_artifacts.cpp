@@ -63,7 +63,8 @@ void Executor::State::call_execute(PassState& state, const ScheduledStage& sched
   frame.began = frame.told = std::chrono::steady_clock::now();
   const heddle_status status = state.descriptor->execute(state.object, &state.api, scheduled.stage, &frame, &seen);
   if (status == HEDDLE_CANCELLED) stop_if_cancelled();
-  throw_if_failed(state, status, "execute");
+  const bool asked_too_much = status == HEDDLE_OK && state.cached_stage != nullptr && !errors.empty();
+  throw_if_failed(state, asked_too_much ? HEDDLE_BUG : status, "execute");
 }
 
 std::string Executor::State::artifact_key(const PassState& state, const ScheduledStage& scheduled,

@@ -7,11 +7,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <atomic>
+#include <chrono>
 #include <csignal>
 #include <fstream>
 #include <iterator>
-#include <thread>
 
 namespace heddle::graph {
 namespace {
@@ -109,9 +108,12 @@ TEST_F(ArtifactCacheTest, IsWholeOrNotThereAfterTheWriterWasKilled) {
         if (entry.file_size(gone) > 0 && !gone) return true;
       return false;
     };
-    while (!has_begun() && waitpid(child, nullptr, WNOHANG) == 0) std::this_thread::yield();
-    kill(child, SIGKILL);
-    waitpid(child, nullptr, 0);
+    bool has_ended = false;
+    while (!has_ended && !has_begun()) has_ended = waitpid(child, nullptr, WNOHANG) == child;
+    if (!has_ended) {
+      kill(child, SIGKILL);
+      waitpid(child, nullptr, 0);
+    }
     std::string told;
     const auto found = cache.read(kKey, told);
     EXPECT_EQ(told, "");
