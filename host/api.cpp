@@ -115,8 +115,6 @@ struct heddle_graph {
   heddle::graph::WrittenGraph written;
   std::vector<std::string> kept;
   std::unique_ptr<heddle::graph::Executor> executor;
-  std::function<heddle::graph::WrittenGraph()> read;  // from files, or from the text that was given
-  std::vector<std::string> settings;
   std::string explanation, pass_explanation, description, stats, check_report, inspection, files, got;
   heddle::graph::Executor::ReadBack read_back;
 };
@@ -961,6 +959,9 @@ heddle_status heddle_graph_set(heddle_graph* graph, const char* setting) {
     } else {
       resolve_into(*graph, std::move(written));
     }
+    // The last word on a key counts; frames that set one again and again add nothing.
+    const std::string_view key = std::string_view(setting).substr(0, std::string_view(setting).find('=') + 1);
+    std::erase_if(graph->settings, [&](const std::string& said) { return said.starts_with(key); });
     graph->settings.emplace_back(setting);
   });
 }
@@ -1002,10 +1003,6 @@ heddle_status heddle_graph_get(heddle_graph* graph, const char* key, const char*
     graph->got = write_json(heddle::graph::find_setting(all, text_or_empty(key)));
     *out_json = graph->got.c_str();
   });
-}
-
-heddle_status heddle_graph_reload(heddle_graph* graph) {
-  return guarded(graph->host->error, [&] { read_anew(*graph); });
 }
 
 namespace {

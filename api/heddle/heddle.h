@@ -263,10 +263,6 @@ HEDDLE_EXPORT heddle_status heddle_graph_files(heddle_graph* graph, const char**
  * if nobody said otherwise), "ao.inputs.depth" (what it is bound to), "ao" (all of a pass); NULL: everything.
  * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_get(heddle_graph* graph, const char* key, const char** out_json);
-/* Reads the graph's file (or parses its text) and what it extends again, then applies what was set since; shaders are read
- * anew at the next frame, and so are plugins that no other graph holds. On an error the graph is as before.
- * [main-thread] */
-HEDDLE_EXPORT heddle_status heddle_graph_reload(heddle_graph* graph);
 
 #define HEDDLE_RENDER_PROFILE 1u /* submit and wait pass by pass, and time each: slower, for looking */
 #define HEDDLE_RENDER_ANEW 2u    /* render even what is complete and unchanged: for measuring. PROFILE does so too */

@@ -60,7 +60,7 @@ void Executor::replace(ResolvedGraph graph, std::vector<std::string> kept) {
     std::swap(s.original, graph);
     std::swap(s.kept_names, kept);
     try {
-      s.plan(s.planned_features);
+      s.plan(s.planned_features, true);
       s.has_frame = had_frame && std::ranges::all_of(s.wanted, [&](ResourceIndex wanted) {
                       return s.resources[s.resources[wanted].root].is_adopted;
                     });

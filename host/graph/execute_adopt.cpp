@@ -215,18 +215,16 @@ void Executor::State::find_outdated() {
   }
 }
 
-/// The pipelines of a shader whose code, formats and constants are what they were.
-bool Executor::State::adopt_pipelines(PassState& pass, ShaderState& made) {
+/// The shader of before, if its code, formats and constants are what they were, and so its pipelines.
+ShaderState* Executor::State::former_pipelines(PassState& pass, const ShaderState& made) {
   const auto found = pass.shaders.find(made.shader->name);
-  if (found == pass.shaders.end()) return false;
+  if (found == pass.shaders.end()) return nullptr;
   ShaderState& old = found->second;
-  if (!old.pipeline || old.compiled.spirv != made.compiled.spirv || old.compiled.bindings != made.compiled.bindings ||
-      old.compiled.push_bytes != made.compiled.push_bytes || old.values != made.values || old.raster != made.raster) {
-    return false;
-  }
-  made.pipeline = std::move(old.pipeline);
-  made.masked = std::move(old.masked);
-  return true;
+  const bool is_same = old.pipeline && old.compiled.spirv == made.compiled.spirv &&
+                       old.compiled.bindings == made.compiled.bindings &&
+                       old.compiled.push_bytes == made.compiled.push_bytes && old.values == made.values &&
+                       old.raster == made.raster;
+  return is_same ? &old : nullptr;
 }
 
 }  // namespace heddle::graph

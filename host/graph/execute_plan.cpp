@@ -126,8 +126,9 @@ void Executor::State::plan(const scene::Scene& planned_scene) {
   }
 }
 
-/// Throws with everything taken down to what the next plan may adopt.
-void Executor::State::plan(const std::vector<std::string>& features) {
+/// Throws with everything taken down to what the next plan may adopt. `is_restoring`: the plan of before is made again,
+/// from what it left.
+void Executor::State::plan(const std::vector<std::string>& features, bool is_restoring) {
   const std::vector<std::string> planned = features;  // may be planned_features
   const auto start = std::chrono::steady_clock::now();
   stats.plan = {};
@@ -149,7 +150,7 @@ void Executor::State::plan(const std::vector<std::string>& features) {
       }
       pass->is_prepared = true;
     }
-    compile_passes();
+    compile_passes(is_restoring);
   } catch (...) {
     retire();
     throw;
@@ -567,58 +568,80 @@ void Executor::State::make_pipelines(ShaderState& shader) {
   }
 }
 
-void Executor::State::compile_passes() {
+/// One shader as this plan joins it. `is_restoring`: as the object has it; no file is read.
+ShaderState Executor::State::compile_shader(const PassState& state, const Shader& shader, bool is_restoring) {
+  const Technique& technique = technique_of(state);
+  ShaderState made;
+  made.shader = &shader;
+  const auto stage = std::find_if(technique.stages.begin(), technique.stages.end(),
+                                  [&](const Stage& candidate) { return candidate.name == shader.stage; });
+  made.stage = static_cast<std::uint32_t>(stage - technique.stages.begin());
+  made.raster = raster_state(pass_of(state), shader);
+  const auto old = state.shaders.find(shader.name);
+  if (shader.file.empty()) {
+    made.compiled.kind = ShaderKind::kSurfaces;
+  } else if (is_restoring && old != state.shaders.end()) {
+    made.compiled = old->second.compiled;
+  } else {
+    made.compiled = vulkan::compile(shader_request(state, shader), services.cache_folder);
+    for (const std::string& warning : made.compiled.warnings) services.log(Severity::kWarning, warning);
+  }
+  for (const vulkan::Binding& binding : made.compiled.bindings) {
+    const auto owner = std::find_if(graph.passes.begin(), graph.passes.end(),
+                                    [&](const Pass& candidate) { return candidate.name == binding.pass; });
+    made.owners.push_back(static_cast<PassIndex>(owner - graph.passes.begin()));
+  }
+  made.values = constants(made.compiled);
+  return made;
+}
+
+/// Objects have their former shaders until nothing can fail any more.
+void Executor::State::compile_passes(bool is_restoring) {
   bool draws_surfaces = false;
+  std::size_t shader_count = 0;
   for (const auto& state : passes) {
     if (!state) continue;
+    shader_count += technique_of(*state).shaders.size();
     for (const Shader& shader : technique_of(*state).shaders) draws_surfaces |= shader.kind == ShaderKind::kSurfaces;
   }
   if (draws_surfaces && program.vertex.empty()) {
     const auto folders = services.registry.shared_folders();
     program = vulkan::mesh_program(services.cache_folder, {folders.begin(), folders.end()});
   }
-  std::size_t shader_count = 0, compiled = 0;
-  for (const auto& state : passes) shader_count += state ? technique_of(*state).shaders.size() : 0;
+  struct Made {
+    PassState* pass = nullptr;
+    ShaderState shader;
+  };
+  std::vector<Made> all;
   for (const auto& state : passes) {
     if (!state) continue;
     write_parameters(*state);
-    const Pass& pass = pass_of(*state);
-    const Technique& technique = technique_of(*state);
-    std::map<std::string, ShaderState, std::less<>> shaders;
-    for (const Shader& shader : technique.shaders) {
-      if (services.progress) {
-        services.progress(fmt::format("compiling shader '{}' of pass '{}'", shader.name, pass.name),
-                          static_cast<double>(compiled++) / static_cast<double>(shader_count));
-      }
-      ShaderState made;
-      made.shader = &shader;
-      const auto stage = std::find_if(technique.stages.begin(), technique.stages.end(),
-                                      [&](const Stage& candidate) { return candidate.name == shader.stage; });
-      made.stage = static_cast<std::uint32_t>(stage - technique.stages.begin());
-      made.raster = raster_state(pass, shader);
-      stop_if_cancelled();  // the first frame's time is here
-      if (!shader.file.empty()) {
-        made.compiled = vulkan::compile(shader_request(*state, shader), services.cache_folder);
-        for (const std::string& warning : made.compiled.warnings) services.log(Severity::kWarning, warning);
-        for (const vulkan::Binding& binding : made.compiled.bindings) {
-          const auto owner = std::find_if(graph.passes.begin(), graph.passes.end(),
-                                          [&](const Pass& candidate) { return candidate.name == binding.pass; });
-          made.owners.push_back(static_cast<PassIndex>(owner - graph.passes.begin()));
+    for (const Shader& shader : technique_of(*state).shaders) {
+      if (!is_restoring) {
+        stop_if_cancelled();  // the first frame's time is here
+        if (services.progress) {
+          services.progress(fmt::format("compiling shader '{}' of pass '{}'", shader.name, pass_of(*state).name),
+                            static_cast<double>(all.size()) / static_cast<double>(shader_count));
         }
-      } else {
-        made.compiled.kind = ShaderKind::kSurfaces;
       }
-      made.values = constants(made.compiled);
-      if (adopt_pipelines(*state, made)) {
-        ++stats.plan.pipelines_kept;
-      } else {
-        make_pipelines(made);
-        ++stats.plan.pipelines_made;
-      }
-      shaders.emplace(shader.name, std::move(made));
+      all.push_back({state.get(), compile_shader(*state, shader, is_restoring)});
     }
-    state->shaders = std::move(shaders);
   }
+  for (Made& made : all) {
+    if (former_pipelines(*made.pass, made.shader) != nullptr) continue;
+    make_pipelines(made.shader);
+    ++stats.plan.pipelines_made;
+  }
+  for (Made& made : all) {
+    ShaderState* former = made.shader.pipeline ? nullptr : former_pipelines(*made.pass, made.shader);
+    if (former == nullptr) continue;
+    made.shader.pipeline = std::move(former->pipeline);
+    made.shader.masked = std::move(former->masked);
+    ++stats.plan.pipelines_kept;
+  }
+  for (const auto& state : passes)
+    if (state) state->shaders.clear();
+  for (Made& made : all) made.pass->shaders.emplace(made.shader.shader->name, std::move(made.shader));
 }
 
 VkDescriptorSet Executor::State::allocate_set(VkDescriptorSetLayout layout) {

@@ -198,7 +198,7 @@ struct Executor::State {
 
   void open_device();
   void plan(const scene::Scene& scene);
-  void plan(const std::vector<std::string>& features);
+  void plan(const std::vector<std::string>& features, bool is_restoring = false);
   void plan_memory(const std::vector<std::string>& features);
   void find_needs();
   void unplan();
@@ -209,13 +209,14 @@ struct Executor::State {
   bool keep_adopted(PassIndex pass);
   void adopt_memory(ResourceIndex resource);
   void find_outdated();
-  bool adopt_pipelines(PassState& pass, ShaderState& made);
+  ShaderState* former_pipelines(PassState& pass, const ShaderState& made);
   void open_passes();
   void create(PassState& pass);
   void declare_passes();
   void place_resources();
   void initialize_kept();
-  void compile_passes();
+  ShaderState compile_shader(const PassState& pass, const Shader& shader, bool is_restoring);
+  void compile_passes(bool is_restoring);
   void make_pipelines(ShaderState& shader);
   void write_parameters(PassState& pass);
   [[nodiscard]] vulkan::Constants constants(const vulkan::CompiledShader& shader) const;

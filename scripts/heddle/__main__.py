@@ -15,22 +15,23 @@ import statistics
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from time import sleep
 
-from . import Error, Host, Scene, version
+from . import Error, Graph, Host, Scene, version
+from ._library import CANCELLED
+
+Update = Callable[[Scene, float], None]
 
 
-def load_scene(scene: Scene, file: str, trusted: bool = False) -> Callable[[Scene, float], None]:
+def load_scene(scene: Scene, file: str, trusted: bool = False) -> Update:
     """Runs build(scene) of a Python file, or loads a glTF file. Returns what moves the scene to a time: the Python
     file's update(scene, time), if it has one."""
     if not file.endswith(".py"):
         scene.load(file, trusted)
         return stays
-    path = pathlib.Path(file)
-    shipped = pathlib.Path(__file__).resolve().parents[1] / "scenes" / path.name
-    if not path.exists() and shipped.exists():
-        path = shipped
-    if not path.exists():
+    path = scene_path(file)
+    if path is None or not path.exists():
         raise Error(2, f"error: there is no scene '{file}'\n  help: scenes that come with Heddle lie in scripts/scenes")
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None and spec.loader is not None  # the name ends in .py
@@ -53,6 +54,15 @@ def load_scene(scene: Scene, file: str, trusted: bool = False) -> Callable[[Scen
             raise scene_error(path, f"update(scene, {time:g})", error) from error
 
     return update
+
+
+def scene_path(file: str | None) -> pathlib.Path | None:
+    """Where a scene's file is: as it was named, or among the scenes that come with Heddle."""
+    if file is None:
+        return None
+    path = pathlib.Path(file)
+    shipped = pathlib.Path(__file__).resolve().parents[1] / "scenes" / path.name
+    return shipped if not path.exists() and shipped.exists() else path
 
 
 def scene_error(path: pathlib.Path, where: str, error: Exception) -> Error:
@@ -126,7 +136,7 @@ def stop_on_signals() -> None:
 
 def stop_if_asked() -> None:
     if _is_asked:
-        raise Error(6, "stopped")
+        raise Error(CANCELLED, "stopped")
 
 
 def stays(_scene: Scene, _time: float) -> None:
@@ -139,7 +149,7 @@ def frame_file(file: str, frame: int) -> str:
 
 
 def load_all(host: Host, scene: Scene, file: str | None,
-             arguments: argparse.Namespace) -> Callable[[Scene, float], None]:
+             arguments: argparse.Namespace) -> Update:
     update = stays if file is None else load_scene(scene, file, arguments.trust_files)
     for overlay in arguments.overlay:
         scene.load(overlay, arguments.trust_files)
@@ -199,53 +209,132 @@ def run(arguments: argparse.Namespace) -> int:
     graph_file = graph_file or default_graph(arguments)
     if arguments.check:  # what a frame leaves to the next one comes round in the third
         arguments.frames = max(arguments.frames, 3)
-    with open_host(arguments, arguments.check) as host:
-        with host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
-            outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or ["heddle.png"]]
-            for port, _ in outputs:
-                if port is not None:
-                    graph.keep(port)
-            update = load_all(host, scene, scene_file, arguments)
-            use_camera(scene, arguments.camera)
-            use_animation(scene, arguments)
-            frame_ms = []
-            for frame in range(arguments.frames):
-                stop_if_asked()
-                is_last = frame + 1 == arguments.frames
-                time = arguments.time + frame * arguments.time_step
-                update(scene, time)
-                graph.render(scene, time=time, time_step=arguments.time_step, seed=arguments.seed,
-                             profile=arguments.profile and is_last)
-                frame_ms.append(graph.stats()["wall_ms"])
-                for port, file in outputs:
-                    if is_last or frame_file(file, frame) != file:
-                        stop_if_asked()
-                        file = frame_file(file, frame)
-                        pathlib.Path(file).parent.mkdir(parents=True, exist_ok=True)
-                        host.write_image(file, graph.read(port))
-                        say(arguments, f"wrote {file}")
-            if arguments.check:
-                say(arguments, f"checked {arguments.frames} frames: every hazard and layout is covered, and every pass "
-                               "keeps to its role's numbers")
-            stats = graph.stats()
-            stats["run"] = times_of(frame_ms)
-            if arguments.stats == "-":
-                print(json.dumps(stats, indent=2))
-            elif arguments.stats:
-                write_file(arguments.stats, json.dumps(stats, indent=2) + "\n")
-            if arguments.profile:
-                for stage in stats["stages"]:
-                    print(f"{stage['pass']:<16} {stage['stage']:<16} {stage['wall_ms']:10.3f} ms wall "
-                          f"{stage['cpu_ms']:10.3f} ms CPU")
-            for loop in stats["loops"]:
-                is_complete = loop["done"] == loop["total"]
-                say(arguments, f"loop of pass '{loop['pass']}': {loop['done']} of {loop['total']} iterations" +
-                    ("" if is_complete else "; more --frames go on where nothing changes, as with --time-step 0"))
-            say(arguments, f"frame {arguments.frames} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms")
-            if len(frame_ms) > 1:
-                say(arguments, "{frames} frames: first {first_ms:.1f} ms; then median {median_ms:.1f} ms "
-                               "({minimum_ms:.1f} to {maximum_ms:.1f})".format(**stats["run"]))
+    with open_host(arguments, arguments.check) as host, host.graph(graph_file, arguments.set) as graph:
+        outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or ["heddle.png"]]
+        for port, _ in outputs:
+            if port is not None:
+                graph.keep(port)
+        if arguments.watch:
+            watch(arguments, host, graph, scene_file, outputs)
+        else:
+            scene, update = make_scene(arguments, host, scene_file)
+            render_frames(arguments, host, graph, scene, update, outputs)
     return 0
+
+
+def make_scene(arguments: argparse.Namespace, host: Host, file: str | None) -> tuple[Scene, Update]:
+    scene = host.scene()
+    try:
+        update = load_all(host, scene, file, arguments)
+        use_camera(scene, arguments.camera)
+        use_animation(scene, arguments)
+    except BaseException:
+        scene.close()
+        raise
+    return scene, update
+
+
+def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene: Scene, update: Update,
+                  outputs: list[list]) -> None:
+    """All frames of the arguments, with their outputs and what is said of them."""
+    frame_ms = []
+    for frame in range(arguments.frames):
+        stop_if_asked()
+        is_last = frame + 1 == arguments.frames
+        time = arguments.time + frame * arguments.time_step
+        update(scene, time)
+        graph.render(scene, time=time, time_step=arguments.time_step, seed=arguments.seed,
+                     profile=arguments.profile and is_last)
+        frame_ms.append(graph.stats()["wall_ms"])
+        for port, file in outputs:
+            if is_last or frame_file(file, frame) != file:
+                stop_if_asked()
+                file = frame_file(file, frame)
+                pathlib.Path(file).parent.mkdir(parents=True, exist_ok=True)
+                host.write_image(file, graph.read(port))
+                say(arguments, f"wrote {file}")
+    if arguments.check:
+        say(arguments, f"checked {arguments.frames} frames: every hazard and layout is covered, and every pass keeps to "
+                       "its role's numbers")
+    stats = graph.stats()
+    stats["run"] = times_of(frame_ms)
+    if arguments.stats == "-":
+        print(json.dumps(stats, indent=2))
+    elif arguments.stats:
+        write_file(arguments.stats, json.dumps(stats, indent=2) + "\n")
+    if arguments.profile:
+        for stage in stats["stages"]:
+            print(f"{stage['pass']:<16} {stage['stage']:<16} {stage['wall_ms']:10.3f} ms wall "
+                  f"{stage['cpu_ms']:10.3f} ms CPU")
+    for loop in stats["loops"]:
+        is_complete = loop["done"] == loop["total"]
+        say(arguments, f"loop of pass '{loop['pass']}': {loop['done']} of {loop['total']} iterations" +
+            ("" if is_complete else "; more --frames go on where nothing changes, as with --time-step 0"))
+    say(arguments, f"frame {arguments.frames} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms")
+    if len(frame_ms) > 1:
+        say(arguments, "{frames} frames: first {first_ms:.1f} ms; then median {median_ms:.1f} ms "
+                       "({minimum_ms:.1f} to {maximum_ms:.1f})".format(**stats["run"]))
+    if arguments.watch:
+        say(arguments, "planned in {wall_ms:.0f} ms: {passes_made} passes and {pipelines_made} pipelines made, "
+                       "{passes_kept} and {pipelines_kept} kept".format(**stats["plan"]))
+
+
+def watch(arguments: argparse.Namespace, host: Host, graph: Graph, scene_file: str | None, outputs: list[list]) -> None:
+    """Renders, and again whenever a file changes that the picture was made of, until it is stopped. What fails is said,
+    and what was written before stays."""
+    made: tuple[Scene, Update] | None = None
+    graph_files = set(graph.files())
+    scene_files = {str(file) for file in (scene_path(scene_file), arguments.environment, *arguments.overlay) if file}
+    # What failed to be read is read again at the next change, whichever file that is.
+    is_graph_due, is_scene_due = False, True
+    before = stamps(graph_files | scene_files)
+    say(arguments, f"watching {len(before)} files; Ctrl-C ends")
+    while True:
+        try:
+            if is_scene_due:
+                fresh = make_scene(arguments, host, scene_file)
+                if made is not None:
+                    made[0].close()
+                made, is_scene_due = fresh, False
+            if is_graph_due:
+                graph.reload()
+                is_graph_due = False
+            assert made is not None  # is_scene_due began true
+            render_frames(arguments, host, graph, *made, outputs)
+            graph_files = set(graph.files())
+            scene_files |= set(made[0].files())
+        except Error as error:
+            if error.status == CANCELLED:
+                raise
+            print(error, file=sys.stderr)
+            say(arguments, "waiting for the next change; what was written before stays")
+        # Files that came into the lists just now are as they were read.
+        before = stamps(graph_files | scene_files) | before
+        last = before
+        while True:  # until something differs and nothing moves any more
+            sleep(0.2)
+            stop_if_asked()
+            now = stamps(before)
+            if now != before and now == last:
+                break
+            last = now
+        for file in sorted(file for file in now if now[file] != before[file]):
+            say(arguments, f"changed: {file}")
+            is_graph_due = is_graph_due or file in graph_files
+            is_scene_due = is_scene_due or file in scene_files
+        before = now
+
+
+def stamps(files: Iterable[str]) -> dict[str, tuple[int, int]]:
+    """Times and sizes; (0, 0) for a file that is not there."""
+    found = {}
+    for file in files:
+        try:
+            status = os.stat(file)
+            found[file] = (status.st_mtime_ns, status.st_size)
+        except OSError:
+            found[file] = (0, 0)
+    return found
 
 
 def check(arguments: argparse.Namespace) -> int:
@@ -396,6 +485,8 @@ def main() -> int:
             command.add_argument("--time-step", type=float, default=1 / 60, help="seconds from frame to frame")
             command.add_argument("--stats", help="write counters, memory and times as JSON; - for standard output")
             command.add_argument("--profile", action="store_true")
+            command.add_argument("--watch", action="store_true",
+                                 help="stay, and render again when a file changes that the picture was made of")
             command.add_argument("--remake", action="store_true", help="make artifacts that the cache holds again")
             command.add_argument("--check", action="store_true",
                                  help="prove barriers and search outputs for NaN, Inf and values out of range")
@@ -421,7 +512,7 @@ def main() -> int:
     try:
         return arguments.body(arguments)
     except Error as error:
-        if error.status == 6:
+        if error.status == CANCELLED:
             print("stopped", file=sys.stderr)
             return STOPPED
         print(error, file=sys.stderr)

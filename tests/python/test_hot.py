@@ -182,33 +182,68 @@ def test_a_thousand_unchanged_frames_leave_every_count_as_it_was(host, scene):
         assert all(count == counts[1] for count in counts[2:])
 
 
+class Watched:
+    """`heddle run --watch`, and what it says."""
+
+    def __init__(self, command, root, folder, *arguments):
+        self.log = folder / "stderr"
+        self.output = folder / "picture.png"
+        with self.log.open("w") as errors:
+            self.process = subprocess.Popen([command, "run", "deferred", *arguments, "--set", "extent=[64,48]", "--watch",
+                                             "--output", str(self.output)], cwd=root, stderr=errors)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, kind, *_):
+        self.process.send_signal(signal.SIGINT)
+        status = self.process.wait()
+        assert kind is not None or status == 130, self.log.read_text()
+
+    def wait_for(self, text, count=1):
+        """Ends by itself only with the process: what is waited for comes, however slow the machine."""
+        while self.log.read_text().count(text) < count:
+            assert self.process.poll() is None, self.log.read_text()
+            time.sleep(0.05)
+        return self.log.read_text()
+
+
 def test_watch_renders_again_and_keeps_the_last_good_picture(command, root, plugins, tmp_path, host):
     shader = plugins / "display" / "linear" / "encode.frag.glsl"
-    output = tmp_path / "picture.png"
-    errors = (tmp_path / "stderr").open("w+")
-    process = subprocess.Popen([command, "run", "deferred", "--plugins", str(plugins), "--set", "extent=[64,48]", "--watch",
-                                "--output", str(output)], cwd=root, stderr=errors)
-
-    def said(text, count=1):
-        while (tmp_path / "stderr").read_text().count(text) < count:
-            assert process.poll() is None, (tmp_path / "stderr").read_text()
-            time.sleep(0.05)
-
-    try:
-        said("watching")
-        first = host.read_image(output)
+    with Watched(command, root, tmp_path, "--plugins", str(plugins)) as watched:
+        watched.wait_for("watching")
+        first = host.read_image(watched.output)
         edit(shader, ENCODE, "color = vec4(1.0 - srgb_from_linear(clipped), 1.0);")
-        said("planned in", 2)
-        assert "0 passes and 1 pipelines made" in (tmp_path / "stderr").read_text()
-        second = host.read_image(output)
+        assert "0 passes and 1 pipelines made" in watched.wait_for("planned in", 2)
+        second = host.read_image(watched.output)
         assert np.abs(second[..., :3] - (1 - first[..., :3])).max() <= 1 / 255
         edit(shader, "1.0 - srgb_from_linear", "1.0 - srgb_form_linear")
-        said("waiting for the next change")
-        assert "encode.frag.glsl:15" in (tmp_path / "stderr").read_text()
-        assert np.array_equal(host.read_image(output), second)
+        assert "encode.frag.glsl:15" in watched.wait_for("waiting for the next change")
+        assert np.array_equal(host.read_image(watched.output), second)
         edit(shader, "1.0 - srgb_form_linear", "srgb_from_linear")
-        said("planned in", 3)
-        assert np.array_equal(host.read_image(output), first)
-    finally:
-        process.send_signal(signal.SIGINT)
-        assert process.wait() == 130
+        watched.wait_for("planned in", 3)
+        assert np.array_equal(host.read_image(watched.output), first)
+
+
+SCENE = """
+import heddle.shapes
+
+def build(scene):
+    positions, indices = [[-1, -1, 0], [1, -1, 0], [0, 1, 0]], [0, 1, 2]
+    scene.instance(scene.mesh(positions, scene.material(base_color=(0.8, 0.1, 0.1, 1)), indices))
+    scene.camera((0, 0, 3), (0, 0, 0))
+"""
+
+
+def test_watch_reads_a_python_scene_again(command, root, tmp_path, host):
+    file = tmp_path / "scene.py"
+    file.write_text(SCENE)
+    with Watched(command, root, tmp_path, str(file)) as watched:
+        watched.wait_for("planned in")
+        red = host.read_image(watched.output)[24, 32]
+        edit(file, "(0.8, 0.1, 0.1, 1)", "(0.1, 0.1, 0.8, 1")
+        assert f"{file}:6" in watched.wait_for("waiting for the next change")
+        edit(file, "(0.1, 0.1, 0.8, 1", "(0.1, 0.1, 0.8, 1)")
+        watched.wait_for("planned in", 2)
+        blue = host.read_image(watched.output)[24, 32]
+        assert red[0] > 1.5 * red[2] and blue[2] > 1.5 * blue[0]
