@@ -9,16 +9,21 @@ namespace {
 using namespace heddle::pass;
 
 // numbers[i] = first + i.
-constexpr heddle_port kNumbersPorts[] = {buffer_out("numbers", 16, "float numbers[4];", "what is summed")};
+constexpr heddle_port kNumbersPorts[] = {
+    buffer_out("numbers", 16, "float numbers[4];", "what is summed"),
+    image_out_sized("color", VK_FORMAT_R32G32B32A32_SFLOAT, 1, 1, "the same as a texel"),
+};
 constexpr heddle_parameter kNumbersParameters[] = {parameter("first", "1", 0, 100, 1, "the first number")};
-constexpr heddle_access kNumbersAccesses[] = {host_write("numbers")};
+constexpr heddle_access kNumbersAccesses[] = {host_write("numbers"), host_write("color")};
 constexpr heddle_stage kNumbersStages[] = {cpu_stage("make", kNumbersAccesses)};
 struct Numbers {
   heddle_status execute(const Frame& frame) const {
-    heddle_mapped numbers;
-    if (const heddle_status status = frame.map("numbers", numbers); status != HEDDLE_OK) return status;
-    for (int i = 0; i < 4; ++i)
-      static_cast<float*>(numbers.data)[i] = static_cast<float>(frame.host().parameter("first")) + static_cast<float>(i);
+    for (const char* port : {"numbers", "color"}) {
+      heddle_mapped out;
+      if (const heddle_status status = frame.map(port, out); status != HEDDLE_OK) return status;
+      for (int i = 0; i < 4; ++i)
+        static_cast<float*>(out.data)[i] = static_cast<float>(frame.host().parameter("first")) + static_cast<float>(i);
+    }
     return HEDDLE_OK;
   }
 };
