@@ -48,6 +48,14 @@ class UnplacedEnvironment {
   HeddleEnvironment placed_{};
 };
 
+void warn(const HostServices& services, const Pass& pass, std::string_view message) {
+  Diagnostic diagnostic;
+  diagnostic.severity = Severity::kWarning;
+  diagnostic.where = pass.where;
+  diagnostic.message = fmt::format("pass '{}' ({}): {}", pass.name, pass.entry.technique->id, message);
+  services.log(Severity::kWarning, to_text(diagnostic));
+}
+
 heddle_frame_info timeless() {
   heddle_frame_info info{};
   info.struct_size = sizeof info;
@@ -175,9 +183,7 @@ void Executor::State::execute_stage(PassState& state, const ScheduledStage& sche
   use.is_reused = found && damage.empty();
   if (!use.is_reused) {
     if (!damage.empty()) {
-      services.log(Severity::kWarning,
-                   fmt::format("pass '{}' ({}): the artifact {} is damaged: {}; it is made again", pass.name,
-                               pass.entry.technique->id, file.string(), damage));
+      warn(services, pass, fmt::format("the artifact {} is damaged: {}; it is made again", file.string(), damage));
     }
     // What is not written must be the same each time.
     for (const heddle_frame::Mapping& mapping : frame.mappings)
@@ -194,8 +200,7 @@ void Executor::State::execute_stage(PassState& state, const ScheduledStage& sche
   if (problem.empty()) {
     use.file = file.string();
   } else {
-    services.log(Severity::kWarning, fmt::format("pass '{}' ({}): {}; it will be made again next time", pass.name,
-                                                 pass.entry.technique->id, problem));
+    warn(services, pass, problem + "; it will be made again next time");
   }
   const auto last = std::ranges::find_if(stats.artifacts, [&](const ArtifactUse& known) {
     return known.pass == use.pass && known.stage == use.stage;

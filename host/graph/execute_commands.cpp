@@ -527,9 +527,9 @@ heddle_status progress(const heddle_pass_host* self, heddle_frame* frame, double
     const auto now = std::chrono::steady_clock::now();
     if (now - frame->told < kTellEvery) return HEDDLE_OK;
     frame->told = now;
-    executor.services.log(Severity::kInfo,
-                          fmt::format("stage '{}' of pass '{}': {:.0f} % after {:.0f} s", stage, declared.name,
-                                      100.0 * done, std::chrono::duration<double>(now - frame->began).count()));
+    say(pass, Severity::kInfo,
+        fmt::format("stage '{}': {:.0f} % after {:.0f} s", stage, 100.0 * done,
+                    std::chrono::duration<double>(now - frame->began).count()));
     return HEDDLE_OK;
   });
 }

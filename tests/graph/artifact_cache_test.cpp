@@ -147,7 +147,9 @@ TEST_F(ArtifactCacheTest, IsWholeForReadersWhileManyWrite) {
   for (int k = 0; k < 50; ++k) {
     const auto found = cache.read(kKey, told);
     EXPECT_EQ(told, "");
-    if (found) EXPECT_EQ(found->at("image"), part);
+    if (found) {
+      EXPECT_EQ(found->at("image"), part);
+    }
   }
   for (const pid_t writer : writers) {
     int status = -1;
