@@ -24,8 +24,8 @@ params.resolution = "64"
 class Folder:
     """A cache, an image and a graph of one test."""
 
-    def __init__(self, path, command):
-        self.path, self.command = path, command
+    def __init__(self, path, command, host):
+        self.path, self.command, self.host = path, command, host
         self.cache = path / "cache"
         self.image = path / "sky.exr"
         (path / "graph.toml").write_text(GRAPH)
@@ -36,11 +36,11 @@ class Folder:
         return subprocess.Popen(words, env={**os.environ, "HEDDLE_CACHE": str(self.cache)}, stderr=subprocess.PIPE, text=True)
 
     def finish(self, process, name):
-        """(what stats say of the artifact, bytes of the picture, stderr)"""
+        """(what stats say of the artifact, bytes of the picture's texels, stderr)"""
         stderr = process.communicate()[1]
         assert process.returncode == 0, stderr
         artifact, = json.loads((self.path / f"{name}.json").read_text())["artifacts"]
-        return artifact, (self.path / f"{name}.exr").read_bytes(), stderr
+        return artifact, self.host.read_image(str(self.path / f"{name}.exr")).tobytes(), stderr
 
     def run(self, *arguments):
         return self.finish(self.start("run", *arguments), "run")
@@ -51,7 +51,7 @@ class Folder:
 
 @pytest.fixture
 def folder(host, tmp_path, command):
-    made = Folder(tmp_path, command)
+    made = Folder(tmp_path, command, host)
     host.write_image(str(made.image), np.random.default_rng(1).uniform(0, 2, (16, 32, 3)).astype(np.float32))
     return made
 
