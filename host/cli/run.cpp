@@ -122,10 +122,10 @@ void render_frames(const RunArguments& arguments, heddle_host* host, heddle_grap
                     is_complete ? "" : "; more --frames go on where nothing changes, as with --time-step 0"));
   }
   for (const Json& artifact : parsed["artifacts"]) {
-    say(arguments.host, fmt::format("artifact of pass '{}', {}: {}, {:.1f} MiB", artifact["pass"].get<std::string>(),
-                                    artifact["stage"].get<std::string>(),
-                                    artifact["origin"] == "cache" ? "from the cache" : "made",
-                                    artifact["bytes"].get<double>() / 1048576.0));
+    say(arguments.host,
+        fmt::format("artifact of pass '{}', {}: {}, {:.1f} MiB", artifact["pass"].get<std::string>(),
+                    artifact["stage"].get<std::string>(), artifact["origin"] == "cache" ? "from the cache" : "made",
+                    artifact["bytes"].get<double>() / 1048576.0));
   }
   say(arguments.host,
       fmt::format("frame {} on {}: {:.1f} ms; transient memory {:.1f} MiB ({:.1f} MiB without aliasing)",
@@ -139,10 +139,10 @@ void render_frames(const RunArguments& arguments, heddle_host* host, heddle_grap
                     parsed["run"]["minimum_ms"].get<double>(), parsed["run"]["maximum_ms"].get<double>()));
   if (arguments.watch) {
     const Json& plan = parsed["plan"];
-    say(arguments.host, fmt::format("planned in {:.0f} ms: {} passes and {} pipelines made, {} and {} kept",
-                                    plan["wall_ms"].get<double>(), plan["passes_made"].get<int>(),
-                                    plan["pipelines_made"].get<int>(), plan["passes_kept"].get<int>(),
-                                    plan["pipelines_kept"].get<int>()));
+    say(arguments.host,
+        fmt::format("planned in {:.0f} ms: {} passes and {} pipelines made, {} and {} kept",
+                    plan["wall_ms"].get<double>(), plan["passes_made"].get<int>(), plan["pipelines_made"].get<int>(),
+                    plan["passes_kept"].get<int>(), plan["pipelines_kept"].get<int>()));
   }
 }
 
@@ -191,9 +191,10 @@ void add_run(CLI::App& app, int* exit_status) {
       "--stats", arguments->stats,
       "write counters, memory and times as JSON (of the last frame; \"run\": of all); - for standard output");
   command->add_flag("--profile", arguments->profile, "time the last frame stage by stage");
-  command->add_flag("--watch", arguments->watch,
-                    "stay, and render again when a file changes that the picture was made of: graphs, shaders, plugins, "
-                    "roles, scenes, images; on an error the last good picture stays");
+  command->add_flag(
+      "--watch", arguments->watch,
+      "stay, and render again when a file changes that the picture was made of: graphs, shaders, plugins, "
+      "roles, scenes, images; on an error the last good picture stays");
   command->add_flag("--remake", arguments->host.remake,
                     "make artifacts again that the cache holds, and replace them; --stats names their files");
   command->add_flag(

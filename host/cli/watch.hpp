@@ -9,7 +9,8 @@
 namespace heddle::cli {
 
 /// Calls `render`; then, until it is stopped, waits for a change of a file that graph or scene were read from, reads
-/// again what it touches, and renders again. What fails is said, and the last good picture stays. `scene` is replaced when its files change.
+/// again what it touches, and renders again. What fails is said, and the last good picture stays. `scene` is replaced
+/// when its files change.
 [[noreturn]] void watch(heddle_host* host, heddle_graph* graph, Owned<heddle_scene>& scene,
                         const RenderArguments& arguments, const std::function<void()>& render);
 

@@ -220,10 +220,9 @@ ShaderState* Executor::State::former_pipelines(PassState& pass, const ShaderStat
   const auto found = pass.shaders.find(made.shader->name);
   if (found == pass.shaders.end()) return nullptr;
   ShaderState& old = found->second;
-  const bool is_same = old.pipeline && old.compiled.spirv == made.compiled.spirv &&
-                       old.compiled.bindings == made.compiled.bindings &&
-                       old.compiled.push_bytes == made.compiled.push_bytes && old.values == made.values &&
-                       old.raster == made.raster;
+  const bool is_same =
+      old.pipeline && old.compiled.spirv == made.compiled.spirv && old.compiled.bindings == made.compiled.bindings &&
+      old.compiled.push_bytes == made.compiled.push_bytes && old.values == made.values && old.raster == made.raster;
   return is_same ? &old : nullptr;
 }
 

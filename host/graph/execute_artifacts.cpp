@@ -98,8 +98,8 @@ std::string Executor::State::artifact_key(const PassState& state, const Schedule
     const auto bound = pass.ports.find(access.port);
     if (bound == pass.ports.end()) continue;
     const Resource& resource = graph.resources[bound->second];
-    for (const std::uint32_t number : {resource.format, resource.width, resource.height, resource.layers,
-                                       resource.mips, static_cast<std::uint32_t>(resource.type), access.access})
+    for (const std::uint32_t number : {resource.format, resource.width, resource.height, resource.layers, resource.mips,
+                                       static_cast<std::uint32_t>(resource.type), access.access})
       add_number(hash, number);
     add_number(hash, resource.byte_size);
     if (technique.find_port(access.port)->direction != Direction::kIn) continue;
@@ -126,7 +126,8 @@ bool Executor::State::take_artifact(const ArtifactParts& parts, PassState& state
       std::memcpy(mapping.staging.data(), parts.find(mapping.port)->second.data(), mapping.staging.size());
   for (const Access& access : technique_of(state).stages[scheduled.stage].accesses) {
     const auto part = parts.find(access.port);
-    if (access.access == HEDDLE_ACCESS_VALUE && part != parts.end()) set_value(pass.ports.at(access.port), part->second);
+    if (access.access == HEDDLE_ACCESS_VALUE && part != parts.end())
+      set_value(pass.ports.at(access.port), part->second);
   }
   return true;
 }
@@ -189,7 +190,8 @@ void Executor::State::execute_stage(PassState& state, const ScheduledStage& sche
     for (const heddle_frame::Mapping& mapping : frame.mappings)
       if (mapping.is_written) std::memset(mapping.staging.data(), 0, mapping.staging.size());
     for (const Access& access : stage.accesses)
-      if (access.access == HEDDLE_ACCESS_VALUE && technique_of(state).find_port(access.port)->direction == Direction::kOut)
+      if (access.access == HEDDLE_ACCESS_VALUE &&
+          technique_of(state).find_port(access.port)->direction == Direction::kOut)
         set_value(pass.ports.at(access.port), {});
     call_execute(state, scheduled, frame, timeless());
   }
@@ -202,9 +204,8 @@ void Executor::State::execute_stage(PassState& state, const ScheduledStage& sche
   } else {
     warn(services, pass, problem + "; it will be made again next time");
   }
-  const auto last = std::ranges::find_if(stats.artifacts, [&](const ArtifactUse& known) {
-    return known.pass == use.pass && known.stage == use.stage;
-  });
+  const auto last = std::ranges::find_if(
+      stats.artifacts, [&](const ArtifactUse& known) { return known.pass == use.pass && known.stage == use.stage; });
   if (last == stats.artifacts.end())
     stats.artifacts.push_back(std::move(use));
   else

@@ -71,8 +71,8 @@ bool is_in_key(const PassState& pass, bool is_declared, std::string_view what) {
 }
 
 bool is_cached_by(const PassState& pass, std::string_view parameter) {
-  return pass.cached_stage != nullptr && std::ranges::find(*pass.cached_stage->cached_by, parameter) !=
-                                             pass.cached_stage->cached_by->end();
+  return pass.cached_stage != nullptr &&
+         std::ranges::find(*pass.cached_stage->cached_by, parameter) != pass.cached_stage->cached_by->end();
 }
 
 bool is_of_cached_stage(const PassState& pass, std::string_view port) {

@@ -38,7 +38,7 @@ struct ShaderState {
   std::uint32_t stage = 0;
   vulkan::CompiledShader compiled;
   std::vector<PassIndex> owners;  // parallel to compiled.bindings: whose port or parameters each is
-  vulkan::Constants values;  // that the pipelines were made with
+  vulkan::Constants values;       // that the pipelines were made with
   vulkan::RasterState raster;
   vulkan::Pipeline pipeline;
   vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
@@ -68,7 +68,8 @@ struct PassState {
   bool is_preparing = false;  // inside prepare
   bool is_prepared = false;
   bool is_adopted = false;  // the object of an earlier plan
-  const Stage* cached_stage = nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
+  const Stage* cached_stage =
+      nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
   vulkan::GeneratedTexts texts;
   std::string resolved_path;  // the last answer of resolve_path
   std::map<std::string, ShaderState, std::less<>> shaders;
@@ -136,7 +137,7 @@ struct Executor::State {
 
   // The plan; valid while `is_planned`.
   bool is_planned = false;
-  bool is_fresh = false;  // no frame was rendered, of this plan or of those that it took over: there is no past
+  bool is_fresh = false;   // no frame was rendered, of this plan or of those that it took over: there is no past
   bool has_frame = false;  // the wanted images hold a frame
   Legacy legacy;
   std::vector<std::uint8_t> is_outdated;  // passes that must run in this plan's first frame; empty: none

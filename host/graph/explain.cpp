@@ -133,7 +133,8 @@ std::string cached_text(const ResolvedGraph& graph, const ScheduledStage& schedu
   for (const Access& access : stage.accesses)
     if (technique.find_port(access.port)->direction == Direction::kIn) causes.push_back(access.port);
   causes.insert(causes.end(), stage.cached_by->begin(), stage.cached_by->end());
-  return fmt::format("   an artifact, kept on disk by {}", causes.empty() ? "nothing but its code" : fmt::format("{}", fmt::join(causes, ", ")));
+  return fmt::format("   an artifact, kept on disk by {}",
+                     causes.empty() ? "nothing but its code" : fmt::format("{}", fmt::join(causes, ", ")));
 }
 
 /// Lines before a stage where loops begin or have ended.

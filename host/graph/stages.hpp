@@ -51,7 +51,7 @@ struct RemovedPass {
 struct WrittenGraph {
   std::string file;
   std::vector<std::string> files;  // that were read for it: this one and what it extends
-  std::filesystem::path folder;  // where paths in parameters start from
+  std::filesystem::path folder;    // where paths in parameters start from
   std::optional<Written> extends;
   std::optional<Written> extent;                       // [w, h]
   std::optional<Written> output;                       // "display.color"

@@ -196,9 +196,8 @@ Library::Library(const Manifest& manifest) : state_(std::make_unique<State>()) {
                   "build plugins with heddle_plugin() of plugins/heddle_plugin.cmake");
   }
   const auto is_cached = [](const Stage& stage) { return stage.cached_by.has_value(); };
-  if (std::ranges::any_of(manifest.techniques, [&](const Technique& technique) {
-        return std::ranges::any_of(technique.stages, is_cached);
-      }))
+  if (std::ranges::any_of(manifest.techniques,
+                          [&](const Technique& technique) { return std::ranges::any_of(technique.stages, is_cached); }))
     state.content_hash = hash_of_file(copy.path());
   state.plugin = entry();
   compare(manifest, from_plugin(state.plugin, manifest.library.string()));

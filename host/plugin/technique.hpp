@@ -99,7 +99,7 @@ struct Port {
   std::string glsl;  // filled from the role or the component when the descriptor has none
   std::string help;
   std::string previous_of;  // an output of the same technique
-  std::string types;  // GLSL that `glsl` needs before it; of components, never in a descriptor
+  std::string types;        // GLSL that `glsl` needs before it; of components, never in a descriptor
   [[nodiscard]] bool is_optional() const { return (flags & HEDDLE_PORT_OPTIONAL) != 0; }
   [[nodiscard]] bool is_kept() const { return (flags & HEDDLE_PORT_KEPT) != 0; }
   bool operator==(const Port&) const = default;
@@ -137,8 +137,8 @@ struct Stage {
   std::string name;
   StageKind kind = StageKind::kGpu;
   std::vector<Access> accesses;
-  std::uint32_t latency = 0;    // frames; cpu stages
-  std::uint32_t loop_part = 0;  // HEDDLE_LOOP_*
+  std::uint32_t latency = 0;                          // frames; cpu stages
+  std::uint32_t loop_part = 0;                        // HEDDLE_LOOP_*
   std::optional<std::vector<std::string>> cached_by;  // parameters; cpu stages whose outputs are kept on disk
   /// True for an access that reads what the GPU made some frames ago.
   [[nodiscard]] bool is_late(const Access& access, PortType type) const {

@@ -133,7 +133,8 @@ class Scene {
   /// side, far enough to hold the bounding sphere of all that the animations in use do.
   [[nodiscard]] heddle_camera active_camera(std::uint32_t width, std::uint32_t height) const;
   /// Facts that techniques can ask for: "surfaces", "lights", "masked", "blended", "emissive", "double_sided",
-  /// "textures", "environment", of which only what an instance shows counts, and the names of the components that it has.
+  /// "textures", "environment", of which only what an instance shows counts, and the names of the components that it
+  /// has.
   [[nodiscard]] std::vector<std::string> features() const;
   [[nodiscard]] std::string describe_json() const;
 

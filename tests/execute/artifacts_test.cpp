@@ -54,8 +54,8 @@ class Host {
     for (const std::string& setting : settings) given.push_back(setting.c_str());
     heddle_graph_destroy(graph);
     graph = nullptr;
-    ASSERT_EQ(heddle_graph_parse(handle, kGraph, "bake.toml", "", given.data(), static_cast<std::uint32_t>(given.size()),
-                                 &graph),
+    ASSERT_EQ(heddle_graph_parse(handle, kGraph, "bake.toml", "", given.data(),
+                                 static_cast<std::uint32_t>(given.size()), &graph),
               HEDDLE_OK)
         << heddle_error(handle);
   }
@@ -185,9 +185,9 @@ TEST_F(Artifacts, ThatAreDamagedAreToldAndMadeAgain) {
     host.load();
     EXPECT_THAT(host.render(), testing::ElementsAre(10.0F, 10.0F, 10.0F, 0.0F));
     EXPECT_EQ(host.artifact()["origin"], "made");
-    EXPECT_THAT(host.log, testing::Contains("1: bake.toml:7:1: warning: pass 'sum' (bake/sum): the artifact " +
-                                            file.string() +
-                                            " is damaged: its bytes are not those that were written; it is made again"));
+    EXPECT_THAT(host.log,
+                testing::Contains("1: bake.toml:7:1: warning: pass 'sum' (bake/sum): the artifact " + file.string() +
+                                  " is damaged: its bytes are not those that were written; it is made again"));
   }
   EXPECT_EQ(origin({}, 10), "cache");
 }

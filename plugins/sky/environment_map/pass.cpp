@@ -44,7 +44,8 @@ constexpr heddle_parameter kParameters[] = {
          kBrightestLadder),
 };
 
-// Of the time that `integrate` takes with the defaults on one machine, roughly: importance tables and the cube; the rest follows.
+// Of the time that `integrate` takes with the defaults on one machine, roughly: importance tables and the cube; the
+// rest follows.
 constexpr double kImportanceShare = 0.05, kCubeShare = 0.6;
 
 constexpr VkFormat kRgba = VK_FORMAT_R32G32B32A32_SFLOAT;

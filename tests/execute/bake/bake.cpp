@@ -51,7 +51,8 @@ constexpr heddle_parameter kSumParameters[] = {
     parameter("unheeded", "1", 0, 100, 1, "nothing depends on it"),
     choice("asks_for", kQuestions, 0, "what its key does not hold"),
 };
-constexpr heddle_access kSumAccesses[] = {host_read("numbers"), value("total"), host_write("table"), host_write("list")};
+constexpr heddle_access kSumAccesses[] = {host_read("numbers"), value("total"), host_write("table"),
+                                          host_write("list")};
 constexpr heddle_access kShowAccesses[] = {value("total"), sampled("table"), storage_read("list"), value("camera"),
                                            storage_write("color")};
 constexpr heddle_stage kSumStages[] = {cached_by("scale asks_for", cpu_stage("sum", kSumAccesses)),
