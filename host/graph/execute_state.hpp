@@ -28,7 +28,6 @@ struct ResourceState {
   vulkan::Buffer poison;  // over the bytes of a transient image or buffer, while memory is poisoned
   Value value;
   VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;  // now; tracked while recording
-  bool was_initialized = false;                      // kept resources: neutral contents were written
   bool is_adopted = false;                           // holds what an earlier plan left
 };
 
