@@ -87,7 +87,9 @@ void watch(heddle_host* host, heddle_graph* graph, Owned<heddle_scene>& scene, c
   Stamps before = stamps_of(all());
   // What failed to be read is read again at the next change, whichever file that is.
   bool is_graph_due = false, is_scene_due = false;
+  fs::file_time_type began;
   const auto read_and_render = [&] {
+    began = fs::file_time_type::clock::now();
     try {
       if (is_scene_due) scene = load_scene(host, arguments);
       is_scene_due = false;
@@ -114,10 +116,14 @@ void watch(heddle_host* host, heddle_graph* graph, Owned<heddle_scene>& scene, c
       say(arguments.host, fmt::format("changed: {}", file.string()));
     }
     read_and_render();
-    // Files that came into the lists just now are as they were read; others as they were when the waiting ended.
+    // Known files are as they were when the waiting ended. Of those that came into the lists just now nobody knows
+    // whether they were read before or after a change since this began: they count as changed.
     before = stamps_of(all());
     for (auto& [file, stamp] : before) {
-      if (const auto known = now.find(file); known != now.end()) stamp = known->second;
+      if (const auto known = now.find(file); known != now.end())
+        stamp = known->second;
+      else if (stamp.time >= began)
+        stamp = {};
     }
   }
 }
