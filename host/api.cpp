@@ -520,6 +520,8 @@ heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene, const
     json["poisons"] = Json::array();
     for (const std::uint32_t poison : report.poisons) json["poisons"].push_back(fmt::format("0x{:08X}", poison));
     json["compared"] = report.compared;
+    json["lists"] = report.lists;
+    json["overflowed"] = report.overflowed;
     graph->check_report = write_json(json, 2);
     *out_json = graph->check_report.c_str();
   });
@@ -572,6 +574,11 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
           {{"pass", stage.pass}, {"stage", stage.stage}, {"wall_ms", stage.wall_ms}, {"cpu_ms", stage.cpu_ms}});
     }
     json["loops"] = Json::array();
+    json["lists"] = Json::array();
+    for (const auto& list : stats.lists) {
+      json["lists"].push_back(
+          {{"name", list.name}, {"capacity", list.capacity}, {"count", list.count}, {"overflow", list.overflow}});
+    }
     for (const auto& loop : stats.loops) {
       json["loops"].push_back({{"pass", loop.pass}, {"done", loop.done}, {"total", loop.total}});
     }
@@ -582,6 +589,7 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
                       {"kept_bytes", stats.kept_bytes}};
     json["plan"] = {{"passes_made", stats.plan.passes_made},
                     {"passes_kept", stats.plan.passes_kept},
+                    {"passes_redeclared", stats.plan.passes_redeclared},
                     {"pipelines_made", stats.plan.pipelines_made},
                     {"pipelines_kept", stats.plan.pipelines_kept},
                     {"wall_ms", stats.plan.wall_ms}};

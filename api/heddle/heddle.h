@@ -284,11 +284,13 @@ typedef struct heddle_render_options {
 HEDDLE_EXPORT heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene,
                                           const heddle_render_options* options);
 /* Renders `frames` frames from the first on, again and again: in every order of stages that declared accesses allow (each
- * pair that nothing puts in order is seen both ways), with all memory that nobody wrote filled with two patterns, and
- * without culling. Loops begin anew in every other frame, and go on, where they do, in those between.
+ * pair that nothing puts in order is seen both ways), with all memory that nobody wrote filled with two patterns,
+ * without culling, and with what each stage appends to a list in two orders. A frame in which a list has no room is not
+ * compared, and the next one is a cut; if each has one, it is HEDDLE_BAD_INPUT. Loops begin anew in every other frame, and go on, where they do, in those between.
  * Bytes of the output and of kept ports must agree; what differs depends on something undeclared and is HEDDLE_BUG, as
  * is everything that HEDDLE_HOST_CHECK finds, which the host must have. Says as JSON what was done: {"frames", "runs",
- * "orders", "unordered_pairs", "seen_both_ways", "poisons", "compared"}. [main-thread] */
+ * "orders", "unordered_pairs", "seen_both_ways", "poisons", "compared", "lists", "overflowed": frames that were not
+ * compared}. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene,
                                                const heddle_render_options* options, uint32_t frames,
                                                const char** out_json);
@@ -312,7 +314,7 @@ HEDDLE_EXPORT heddle_status heddle_read(heddle_graph* graph, const char* port, u
 HEDDLE_EXPORT heddle_status heddle_read_into(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
                                              float* pixels, uint64_t capacity, heddle_image* out);
 /* Of the last frame: wall time, pass times if profiled, counters of commands and pipelines, instances drawn and culled,
- * memory with and without aliasing, libraries opened; JSON. [main-thread] */
+ * capacity, count and overflow of lists, memory with and without aliasing, libraries opened; JSON. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_stats(heddle_graph* graph, const char** out_json);
 
 /* ---- Images ------------------------------------------------------------------------------------------------------- */

@@ -44,6 +44,8 @@
 //   heddle_status execute(const Frame&)           cpu stages
 //   std::uint32_t activity(const Frame&)          HEDDLE_RUN, HEDDLE_KEEP, HEDDLE_NOTHING
 //   heddle_status iterations(const heddle_frame_info&, heddle_iterations&)     loops
+//   void counted(const PassHost&, const heddle_list_count&)                   lists
+//   heddle_status migrate(const PassHost&, const heddle_migration&)           kept ports, after request_redeclare
 // An exception that leaves one of them becomes a report and HEDDLE_FAILED. `host` may be kept: it lives as long as the
 // object. Setters of plugin.h's structures that have no builder are plain fields: change them on the builder's result.
 #pragma once
@@ -119,6 +121,21 @@ constexpr heddle_port buffer_out(const char* name, std::uint64_t byte_size, cons
 }
 constexpr heddle_port buffer_in(const char* name, const char* help, std::uint32_t flags = 0) {
   return port(name, HEDDLE_PORT_BUFFER, HEDDLE_IN, help, flags);
+}
+/// A list. glsl: one array without length, "uvec4 tiles[];"; element_bytes: of an element in it, by std430.
+constexpr heddle_port list_out(const char* name, std::uint32_t capacity, std::uint32_t element_bytes, const char* glsl,
+                               const char* help, std::uint32_t flags = 0, std::uint32_t direction = HEDDLE_OUT) {
+  heddle_port p = port(name, HEDDLE_PORT_BUFFER, direction, help, flags | HEDDLE_PORT_LIST);
+  p.capacity = capacity;
+  p.element_bytes = element_bytes;
+  p.glsl = glsl;
+  return p;
+}
+/// glsl NULL: what the role's contract says.
+constexpr heddle_port list_in(const char* name, const char* help, const char* glsl = nullptr, std::uint32_t flags = 0) {
+  heddle_port p = port(name, HEDDLE_PORT_BUFFER, HEDDLE_IN, help, flags | HEDDLE_PORT_LIST);
+  p.glsl = glsl;
+  return p;
 }
 constexpr heddle_port value_in(const char* name, const char* help, std::uint32_t flags = 0) {
   return port(name, HEDDLE_PORT_VALUE, HEDDLE_IN, help, flags);
@@ -229,6 +246,9 @@ constexpr heddle_access storage_write(const char* p) {
 }
 constexpr heddle_access storage_read_write(const char* p) {
   return access(p, HEDDLE_ACCESS_STORAGE_READ_WRITE);
+}
+constexpr heddle_access appended(const char* p) {
+  return access(p, HEDDLE_ACCESS_APPEND);
 }
 constexpr heddle_access value(const char* p) {
   return access(p, HEDDLE_ACCESS_VALUE);
@@ -423,6 +443,12 @@ class PassHost {
     shape.struct_size = sizeof(heddle_shape);
     return host_->set_shape(host_, port_name, &shape);
   }
+  /// In declare: how many elements an out list holds.
+  heddle_status set_capacity(const char* port_name, std::uint32_t capacity) const {
+    return host_->set_capacity(host_, port_name, capacity);
+  }
+  /// Before the next frame: declare, migrate, prepare.
+  void request_redeclare() const { host_->request_redeclare(host_); }
   /// In declare: of inputs; later: of all. All zero for unknown ports.
   [[nodiscard]] heddle_shape shape(const char* port_name) const {
     heddle_shape out{};
@@ -557,6 +583,14 @@ class Frame {
   heddle_status dispatch_over(const char* shader_name, const char* port_name, const Push& push) const {
     return host_->dispatch_over(host_, frame_, shader_name, port_name, &push, push_size<Push>());
   }
+  /// One invocation in x for each element that the list holds.
+  heddle_status dispatch_over_list(const char* shader_name, const char* port_name) const {
+    return host_->dispatch_over_list(host_, frame_, shader_name, port_name, nullptr, 0);
+  }
+  template <typename Push>
+  heddle_status dispatch_over_list(const char* shader_name, const char* port_name, const Push& push) const {
+    return host_->dispatch_over_list(host_, frame_, shader_name, port_name, &push, push_size<Push>());
+  }
   heddle_status fullscreen(const char* shader_name, std::uint32_t layer = 0) const {
     return host_->fullscreen(host_, frame_, shader_name, layer, nullptr, 0);
   }
@@ -659,6 +693,15 @@ struct Thunks {
                                   heddle_iterations* out) {
     return guarded(host, [&] { return self(pass).iterations(*info, *out); });
   }
+  static void counted(heddle_pass* pass, const heddle_pass_host* host, const heddle_list_count* count) {
+    static_cast<void>(guarded(host, [&]() -> heddle_status {
+      self(pass).counted(PassHost(host), *count);
+      return HEDDLE_OK;
+    }));
+  }
+  static heddle_status migrate(heddle_pass* pass, const heddle_pass_host* host, const heddle_migration* migration) {
+    return guarded(host, [&] { return self(pass).migrate(PassHost(host), *migration); });
+  }
 };
 
 }  // namespace detail
@@ -686,6 +729,14 @@ constexpr heddle_technique technique(const char* id, const char* title, const ch
                   pass.iterations(info, out);
                 })
     t.iterations = &Thunks::iterations;
+  if constexpr (requires(Pass pass, const PassHost& host, const heddle_list_count& count) {
+                  pass.counted(host, count);
+                })
+    t.counted = &Thunks::counted;
+  if constexpr (requires(Pass pass, const PassHost& host, const heddle_migration& migration) {
+                  pass.migrate(host, migration);
+                })
+    t.migrate = &Thunks::migrate;
   return t;
 }
 

@@ -5,7 +5,8 @@
  * the host resolves graphs without opening a library, and a manifest that disagrees with its library is an error.
  *
  * Life of a pass: create -> declare -> prepare -> each frame: execute / record of its stages, in the order of the graph
- * -> destroy. After a parameter with HEDDLE_PARAMETER_REDECLARE changed: declare and prepare again.
+ * -> destroy. After a parameter with HEDDLE_PARAMETER_REDECLARE changed, and after request_redeclare: declare and
+ * prepare again.
  *
  * Shaders are text. The host writes, for every shader, the include "pass.glsl" with exactly what its stage declares:
  * the ports (bindings chosen by the host), the parameters, and accessors; plugins never choose a binding. See "Shaders"
@@ -39,6 +40,12 @@ typedef struct heddle_frame heddle_frame;       /* the host's; valid during one 
 /* out, kept: every frame in which its stages run writes all of it. Keeping its history then costs a second memory, which
  * takes turns with the first, and no copy. */
 #define HEDDLE_PORT_REWRITTEN 8u
+/* buffer: a list that shaders append to (HEDDLE_ACCESS_APPEND) and read as count and elements. `glsl` is one array
+ * without length, "uvec4 tiles[];". The host empties the list before the first stage of a frame (in a loop: of an
+ * iteration) that touches it, unless it is HEDDLE_PORT_KEPT without HEDDLE_PORT_REWRITTEN. Elements beyond the capacity
+ * are left out and counted. Elements that one stage appends follow those of earlier stages; among themselves they have no
+ * order, and neither has which of them are left out. Not HEDDLE_PORT_CUBE */
+#define HEDDLE_PORT_LIST 16u
 
 /* Extent of an out image. */
 #define HEDDLE_EXTENT_FRAME 0u    /* the graph's extent times extent_scale, rounded up */
@@ -63,6 +70,9 @@ typedef struct heddle_port {
      input reads of the past is neutral (buffers: zero bytes; values: empty, zeros in shaders) in the first frame and
      after a cut. NULL: nothing */
   const char* previous_of;
+  /* list, out: elements that it holds, 0 is legal; and bytes of one, as std430 lays them out in the array: a multiple of
+     4. byte_size is 0 */
+  uint32_t capacity, element_bytes;
 } heddle_port;
 
 /* ---- Parameters --------------------------------------------------------------------------------------------------- */
@@ -114,6 +124,7 @@ typedef struct heddle_parameter {
 #define HEDDLE_ACCESS_TRANSFER_READ 12u
 #define HEDDLE_ACCESS_TRANSFER_WRITE 13u
 #define HEDDLE_ACCESS_SAMPLED_COMPARE 14u /* depth image: sampler2DShadow / sampler2DArrayShadow, linear, GREATER_OR_EQUAL */
+#define HEDDLE_ACCESS_APPEND 15u          /* list: bool append_NAME(element), and nothing else in the same stage */
 
 #define HEDDLE_LOAD_KEEP 0u
 #define HEDDLE_LOAD_CLEAR 1u
@@ -208,7 +219,7 @@ typedef struct heddle_function {
   const char* role;
   const char* file;
   uint32_t access_count;
-  const heddle_access* accesses; /* SAMPLED*, STORAGE_*, VALUE */
+  const heddle_access* accesses; /* SAMPLED*, STORAGE_*, VALUE, APPEND */
   const char* calls;
   const void* service; /* CPU twin, float64: the role's own C table (heddle/services.h), or NULL */
 } heddle_function;
@@ -223,7 +234,7 @@ typedef struct heddle_shape {
   uint32_t struct_size;
   uint32_t type; /* HEDDLE_PORT_* */
   uint32_t format, width, height, layers, mips;
-  uint64_t byte_size;
+  uint64_t byte_size; /* list: of its memory, 16 bytes and the elements that it can hold; `width` is their number */
   uint32_t is_bound; /* 0: the optional input is absent; of an inout port: nobody made it above, this pass does */
 } heddle_shape;
 
@@ -249,8 +260,34 @@ typedef struct heddle_mapped {
   uint64_t row_bytes; /* of mip 0 */
   uint64_t frame; /* index of the frame that made the contents; HEDDLE_NO_FRAME: a stage with latency, too early after the
                      first frame or a cut: all bytes are 0 */
+  uint32_t count, overflow; /* list: elements at `data`, and how many more were appended and left out */
 } heddle_mapped;
 #define HEDDLE_NO_FRAME 0xffffffffffffffffull
+
+/* What a frame appended to a list. */
+typedef struct heddle_list_count {
+  uint32_t struct_size;
+  uint32_t capacity;
+  const char* port; /* the host's, valid until the call returns */
+  uint64_t frame;   /* index of the frame */
+  uint32_t count;   /* elements that the list holds */
+  uint32_t overflow; /* elements that were left out; of a list in a loop: the most of the frame's iterations */
+} heddle_list_count;
+
+/* Contents that outlast frames, where they were and where they will be. Shapes and names are the host's, valid until the
+ * call returns. */
+typedef struct heddle_migration {
+  uint32_t struct_size;
+  uint32_t is_history; /* 1: last frame's version of the port */
+  const char* port;    /* out, HEDDLE_PORT_KEPT */
+  const heddle_shape* old_shape;
+  const heddle_shape* new_shape;
+  VkCommandBuffer commands; /* outside of rendering */
+  /* An image is to be read in TRANSFER_SRC_OPTIMAL, and to be written in TRANSFER_DST_OPTIMAL; both are left there. What
+   * is not written stays neutral. VK_NULL_HANDLE where the port is of the other type. */
+  VkImage old_image, new_image;
+  VkBuffer old_buffer, new_buffer;
+} heddle_migration;
 
 /* The triangles of a surfaces port in host memory, one list, object transforms applied in float64. Owned by the host,
  * valid until the pass's execute returns; the same `revision` means the same bytes as last time. */
@@ -389,6 +426,21 @@ struct heddle_pass_host {
    * and may include files of that folder and of plugins/shared. HEDDLE_BUG elsewhere, or if there is no such file.
    * [main-thread] */
   heddle_status (*set_text)(const heddle_pass_host* self, const char* name, const char* glsl);
+
+  /* ---- lists ---- */
+  /* In declare only: how many elements an out list holds, in place of what the descriptor says. HEDDLE_BUG for a port
+   * that is no out list. [main-thread] */
+  heddle_status (*set_capacity)(const heddle_pass_host* self, const char* port, uint32_t capacity);
+  /* A compute shader of this stage, with one invocation in x (y and z: one work group) for each element that the list
+   * holds by then, rounded up to whole work groups; the number never leaves the GPU. The stage declares the list as
+   * STORAGE_READ or STORAGE_READ_WRITE; an unbound one has no elements. HEDDLE_UNSUPPORTED if a full list would need
+   * more work groups than the device dispatches. [record-thread] */
+  heddle_status (*dispatch_over_list)(const heddle_pass_host* self, heddle_frame* frame, const char* shader,
+                                      const char* port, const void* push, uint32_t push_bytes);
+  /* Before the next frame: declare runs again, migrate carries what kept ports hold where their shapes have changed, then
+   * prepare. Passes that read what has another shape then are declared again too, all others go on as they are. In
+   * counted, activity, record and execute. [record-thread] */
+  void (*request_redeclare)(const heddle_pass_host* self);
 };
 
 /* ---- Technique ---------------------------------------------------------------------------------------------------- */
@@ -443,6 +495,14 @@ typedef struct heddle_technique {
 
   /* Components of the scene that it reads, by name, separated by spaces, or NULL (heddle/components.h). */
   const char* components;
+  /* Between frames, for each list that the pass is the first to make: what the last frame appended. Comes after the
+   * frame's own end, nothing waits for it. Where elements were left out, the pass may remember a larger capacity and
+   * request_redeclare. [main-thread] */
+  void (*counted)(heddle_pass* pass, const heddle_pass_host* host, const heddle_list_count* count);
+  /* After request_redeclare, between declare and prepare, for each kept port and each history of one whose shape has
+   * changed: records what carries the contents over. Lists have been carried by then, as far as they fit; what else is
+   * not carried is neutral. [main-thread] */
+  heddle_status (*migrate)(heddle_pass* pass, const heddle_pass_host* host, const heddle_migration* migration);
 } heddle_technique;
 #define HEDDLE_RUN 0u
 #define HEDDLE_KEEP 1u

@@ -50,6 +50,13 @@ int check_graph(CheckArguments& arguments) {
   fmt::print("  memory   {}\n", report["poisons"].empty()
                                     ? "left as it is: on this device nobody can fill the bytes of an image"
                                     : "filled before its first and after its last use with " + join(report["poisons"]));
+  if (!report["lists"].empty()) {
+    const int overflowed = report["overflowed"].get<int>();
+    fmt::print("  lists    {}: what a stage appends was seen in two orders{}\n", join(report["lists"]),
+               overflowed == 0 ? ""
+                               : fmt::format("; {} of {} frames are not compared, a list had no room in them",
+                                             overflowed, report["frames"].get<int>()));
+  }
   fmt::print("  bytes    {} agree in all runs\n", join(report["compared"]));
   return HEDDLE_OK;
 }

@@ -65,6 +65,7 @@ void widen(AccessInfo& info, const AccessInfo& more) {
 /// For each first version: the groups of a frame, in order.
 std::vector<std::vector<Group>> find_groups(const ResolvedGraph& graph, const Order& order) {
   std::vector<std::vector<Group>> groups(graph.resources.size());
+  const ListPlan lists = plan_lists(graph, order);
   for (std::uint32_t s = 0; s < order.stages.size(); ++s) {
     const ScheduledStage& scheduled = order.stages[s];
     const VkPipelineStageFlags2 shaders = shader_stages(graph, scheduled);
@@ -79,6 +80,13 @@ std::vector<std::vector<Group>> find_groups(const ResolvedGraph& graph, const Or
       const Resource& resource = graph.resources[use.resource];
       AccessInfo info = use_info(use, resource.type, resource.format);
       if ((info.stages & kShaderStages) == kShaderStages) info.stages = (info.stages & ~kShaderStages) | shaders;
+      // The host's own transfers, beside what the stage does: they stand in one group with it.
+      const auto is_in = [&](const std::vector<ResourceIndex>& of) {
+        return std::ranges::find(of, use.resource) != of.end();
+      };
+      if (is_in(lists.emptied[s])) widen(info, access_info(HEDDLE_ACCESS_TRANSFER_WRITE, resource.type, 0));
+      if (is_in(lists.counted[s])) widen(info, access_info(HEDDLE_ACCESS_TRANSFER_READ, resource.type, 0));
+      info.writes = info.writes || is_in(lists.emptied[s]);
       std::vector<Group>& list = groups[use.resource];
       if (!list.empty() && continues(list.back().info, info) &&
           loop_borders(order, list.back().stage) == loop_borders(order, s)) {
@@ -157,6 +165,7 @@ AccessInfo access_info(std::uint32_t access, PortType type, std::uint32_t /*form
       info = {kShaderStages, VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL, false, true};
       break;
     case HEDDLE_ACCESS_STORAGE_READ_WRITE:
+    case HEDDLE_ACCESS_APPEND:  // an atomic operation reads too
       info = {kShaderStages, VK_ACCESS_2_SHADER_STORAGE_READ_BIT | VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT,
               VK_IMAGE_LAYOUT_GENERAL, true, true};
       break;
@@ -206,6 +215,30 @@ AccessInfo use_info(const ScheduledStage::Use& use, PortType type, std::uint32_t
     info.writes = info.writes || one.writes;
   }
   return info;
+}
+
+ListPlan plan_lists(const ResolvedGraph& graph, const Order& order) {
+  ListPlan plan;
+  plan.emptied.resize(order.stages.size());
+  plan.counted.resize(order.stages.size());
+  for (ResourceIndex r = 0; r < graph.resources.size(); ++r) {
+    const Resource& list = graph.resources[r];
+    if (!list.is_list() || list.previous_version != kNoIndex || list.history_of != kNoIndex) continue;
+    const bool goes_on = is_kept(graph, r) && (list.flags & HEDDLE_PORT_REWRITTEN) == 0;
+    std::uint32_t first = kNoIndex;
+    std::uint32_t last_writer = kNoIndex;
+    for (std::uint32_t s = 0; s < order.stages.size(); ++s) {
+      for (const ScheduledStage::Use& use : order.stages[s].uses) {
+        if (first_version(graph, use.resource) != r) continue;
+        if (first == kNoIndex) first = s;
+        if (use.writes) last_writer = s;
+      }
+    }
+    if (first == kNoIndex) continue;
+    if (!goes_on) plan.emptied[first].push_back(r);
+    plan.counted[last_writer == kNoIndex ? first : last_writer].push_back(r);
+  }
+  return plan;
 }
 
 BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const Placement& placement,

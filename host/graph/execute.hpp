@@ -50,7 +50,13 @@ struct LoopProgress {
 /// What the last planning of a graph made and what it took over from the plan before.
 struct PlanStats {
   std::uint32_t passes_made = 0, passes_kept = 0, pipelines_made = 0, pipelines_kept = 0;
+  std::uint32_t passes_redeclared = 0;  // of those that were kept
   double wall_ms = 0;
+};
+
+struct ListStats {
+  std::string name;
+  std::uint32_t capacity = 0, count = 0, overflow = 0;  // elements; in a loop: overflow of its worst iteration
 };
 
 struct FrameStats {
@@ -60,6 +66,7 @@ struct FrameStats {
   std::uint64_t stalls = 0;       // cpu stages that waited for the GPU within the frame
   std::vector<StageTime> stages;  // profiled frames only; iterations of a loop together
   std::vector<LoopProgress> loops;
+  std::vector<ListStats> lists;  // of the last frame that was submitted
   vulkan::Counters before, after;
   std::uint64_t instances_drawn = 0, instances_culled = 0;  // summed over the frame's drawings
   std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;
@@ -74,6 +81,8 @@ struct CheckReport {
   std::size_t unordered_pairs = 0, seen_both_ways = 0;  // of stages
   std::vector<std::uint32_t> poisons;                   // none where memory cannot be filled under an image
   std::vector<std::string> compared;                    // resources whose bytes agreed
+  std::uint32_t overflowed = 0;    // frames in which a list had no room: what is in it is a matter of chance
+  std::vector<std::string> lists;  // whose elements were put into two orders
 };
 
 class Executor {

@@ -5,6 +5,7 @@
 #include "graph/execute_state.hpp"
 
 #include <algorithm>
+#include <cstddef>
 
 namespace heddle::graph {
 
@@ -12,7 +13,8 @@ namespace {
 
 bool is_same_shape(const Resource& a, const Resource& b) {
   return a.type == b.type && a.format == b.format && a.width == b.width && a.height == b.height &&
-         a.layers == b.layers && a.mips == b.mips && a.flags == b.flags && a.byte_size == b.byte_size;
+         a.layers == b.layers && a.mips == b.mips && a.flags == b.flags && a.byte_size == b.byte_size &&
+         a.capacity == b.capacity && a.element_bytes == b.element_bytes;
 }
 
 std::map<std::string, Resource, std::less<>> shapes_of(const ResolvedGraph& graph, const Pass& pass) {
@@ -32,6 +34,11 @@ std::vector<std::string> providers_of(const ResolvedGraph& graph, const Pass& pa
     }
   }
   return names;
+}
+
+/// The pass that makes a resource, or made it in the frame before; kNoIndex: the scene.
+PassIndex made_by(const ResolvedGraph& graph, const Resource& resource) {
+  return resource.history_of == kNoIndex ? resource.producer : graph.resources[resource.history_of].producer;
 }
 
 bool needs_declare(const Technique& technique, const Pass& a, const Pass& b) {
@@ -59,7 +66,7 @@ void Executor::State::retire() {
     PassState& pass = *passes[i];
     const auto known = legacy.passes.find(graph.passes[i].name);
     const bool is_place_free = known == legacy.passes.end() || !known->second.state;
-    if (!pass.is_prepared || !is_place_free) {
+    if (!pass.is_prepared || pass.is_redeclared || !is_place_free) {
       destroy(pass);
       continue;
     }
@@ -127,7 +134,7 @@ std::unique_ptr<PassState> Executor::State::adopt_object(PassIndex index) {
 bool Executor::State::keep_adopted(PassIndex index) {
   const Pass& pass = graph.passes[index];
   PassState& state = *passes[index];
-  if (!state.is_prepared) return false;
+  if (!state.is_prepared || (is_redeclaring && state.wants_redeclare)) return false;
   Legacy::Object& object = legacy.passes.at(pass.name);
   bool is_same = true;
   for (const auto& [port, resource] : pass.ports) {
@@ -148,6 +155,8 @@ bool Executor::State::keep_adopted(PassIndex index) {
     now.layers = old.layers;
     now.mips = old.mips;
     now.byte_size = old.byte_size;
+    now.capacity = old.capacity;
+    now.element_bytes = old.element_bytes;
   }
   for (ReadBackRing& ring : object.rings) {
     ring.pass = index;
@@ -157,11 +166,83 @@ bool Executor::State::keep_adopted(PassIndex index) {
   return true;
 }
 
+/// After declare: copies for stages with latency that have the shape of now.
+void Executor::State::adopt_rings(PassIndex index) {
+  const Pass& pass = graph.passes[index];
+  Legacy::Object& object = legacy.passes.at(pass.name);
+  for (ReadBackRing& ring : object.rings) {
+    const auto bound = pass.ports.find(ring.port);
+    if (bound == pass.ports.end() || !is_same_shape(object.shapes.at(ring.port), graph.resources[bound->second]))
+      continue;
+    ring.pass = index;
+    rings.push_back(std::move(ring));
+  }
+  object.rings.clear();
+}
+
+/// What a port held that has another shape since its pass was declared again.
+Legacy::Memory* Executor::State::outgrown(ResourceIndex index) {
+  const Resource& resource = graph.resources[index];
+  const PassIndex producer = made_by(graph, resource);
+  const bool is_redeclared = producer != kNoIndex && passes[producer] && passes[producer]->is_redeclared;
+  if (!is_redeclared || !is_any_version_kept(index)) return nullptr;
+  const auto found = legacy.memory.find(resource.name);
+  if (found == legacy.memory.end() || found->second.shape.type != resource.type) return nullptr;
+  const ResourceState& old = found->second.state;
+  return old.image || old.buffer ? &found->second : nullptr;
+}
+
+/// The new memory is neutral: a buffer zeros, an image in TRANSFER_DST_OPTIMAL.
+void Executor::State::migrate(ResourceIndex index, std::uint32_t list_count) {
+  Legacy::Memory* old = outgrown(index);
+  if (old == nullptr) return;
+  const Resource& resource = graph.resources[index];
+  const heddle_vulkan& vk = device->table();
+  VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
+  memory.srcStageMask = memory.dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+  memory.srcAccessMask = VK_ACCESS_2_MEMORY_WRITE_BIT;
+  memory.dstAccessMask = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;
+  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
+  dependency.memoryBarrierCount = 1;
+  dependency.pMemoryBarriers = &memory;
+  vk.CmdPipelineBarrier2(commands, &dependency);
+  if (resource.is_list() && resource.element_bytes == old->shape.element_bytes) {
+    const std::array<std::uint32_t, kListHead / 4> head{list_count};
+    vk.CmdUpdateBuffer(commands, resources[index].buffer.handle(), 0, sizeof head, head.data());
+    const VkBufferCopy elements{kListHead, kListHead, std::uint64_t{list_count} * resource.element_bytes};
+    if (elements.size > 0)
+      vk.CmdCopyBuffer(commands, old->state.buffer.handle(), resources[index].buffer.handle(), 1, &elements);
+    vk.CmdPipelineBarrier2(commands, &dependency);
+  }
+  const PassIndex producer = made_by(graph, resource);
+  PassState& pass = *passes[producer];
+  const bool has_migrate =
+      pass.descriptor->struct_size >= offsetof(heddle_technique, migrate) + sizeof pass.descriptor->migrate;
+  if (!has_migrate || pass.descriptor->migrate == nullptr) return;
+  if (old->state.image) {
+    barrier_between_all(vk, commands, old->state.image, old->state.layout, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
+    old->state.layout = VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL;
+  }
+  const heddle_shape before = shape_of(old->shape);
+  const heddle_shape now = shape_of(resource);
+  heddle_migration migration{};
+  migration.struct_size = sizeof migration;
+  migration.is_history = resource.history_of == kNoIndex ? 0 : 1;
+  migration.port = resource.port.c_str();
+  migration.old_shape = &before;
+  migration.new_shape = &now;
+  migration.commands = commands;
+  migration.old_image = old->state.image.handle();
+  migration.new_image = resources[index].image.handle();
+  migration.old_buffer = old->state.buffer.handle();
+  migration.new_buffer = resources[index].buffer.handle();
+  throw_if_failed(pass, pass.descriptor->migrate(pass.object, &pass.api, &migration), "migrate");
+}
+
 /// Contents that outlast frames, where their maker is still the same object.
 void Executor::State::adopt_memory(ResourceIndex index) {
   const Resource& resource = graph.resources[index];
-  const PassIndex producer =
-      resource.history_of == kNoIndex ? resource.producer : graph.resources[resource.history_of].producer;
+  const PassIndex producer = made_by(graph, resource);
   if (producer == kNoIndex || !passes[producer] || !passes[producer]->is_adopted) return;
   const auto found = legacy.memory.find(resource.name);
   if (found == legacy.memory.end() || !is_same_shape(found->second.shape, resource)) return;
@@ -191,7 +272,7 @@ void Executor::State::find_outdated() {
   for (PassIndex i = 0; i < graph.passes.size(); ++i) {
     if (!passes[i]) continue;
     const auto old = legacy.passes.find(graph.passes[i].name);
-    if (!passes[i]->is_adopted || old == legacy.passes.end()) {
+    if (!passes[i]->is_adopted || passes[i]->is_redeclared || old == legacy.passes.end()) {
       mark(i);
       continue;
     }

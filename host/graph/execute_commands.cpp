@@ -132,14 +132,8 @@ void fill_shape(const Executor::State& executor, const Pass& pass, const std::st
   if (found == pass.ports.end()) return;
   const Resource& resource = executor.graph.resources[found->second];
   const bool is_inout = pass.entry.technique->find_port(port)->direction == Direction::kInout;
+  out = shape_of(resource);
   out.is_bound = !is_inout || resource.previous_version != kNoIndex ? 1U : 0U;
-  out.type = static_cast<std::uint32_t>(resource.type);
-  out.format = resource.format;
-  out.width = resource.width;
-  out.height = resource.height;
-  out.layers = std::max(resource.layers, 1U);
-  out.mips = std::max(resource.mips, 1U);
-  out.byte_size = resource.byte_size;
 }
 
 heddle_status shape(const heddle_pass_host* self, const char* port, heddle_shape* out) {
@@ -170,8 +164,26 @@ heddle_status set_shape(const heddle_pass_host* self, const char* port, const he
   if (wanted->height != 0) resource.height = wanted->height;
   if (wanted->layers != 0) resource.layers = wanted->layers;
   if (wanted->mips != 0) resource.mips = wanted->mips;
-  if (wanted->byte_size != 0) resource.byte_size = wanted->byte_size;
+  if (wanted->byte_size != 0 && !declared->is_list()) resource.byte_size = wanted->byte_size;
   return HEDDLE_OK;
+}
+
+heddle_status set_capacity(const heddle_pass_host* self, const char* port, std::uint32_t capacity) {
+  PassState& pass = state_of(self);
+  Executor::State& executor = executor_of(pass);
+  if (!pass.is_declaring) return wrong(pass, "calls set_capacity outside of declare");
+  const Port* declared = executor.technique_of(pass).find_port(port);
+  if (declared == nullptr || declared->direction != Direction::kOut || !declared->is_list()) {
+    return wrong(pass, fmt::format("calls set_capacity for '{}', which is none of its out lists", port));
+  }
+  Resource& list = executor.graph.resources[executor.pass_of(pass).ports.at(port)];
+  list.capacity = capacity;
+  list.byte_size = list_bytes(capacity, list.element_bytes);
+  return HEDDLE_OK;
+}
+
+void request_redeclare(const heddle_pass_host* self) {
+  state_of(self).wants_redeclare = true;
 }
 
 const void* function_service(const heddle_pass_host* self, const char* role) {
@@ -230,7 +242,16 @@ heddle_status map(const heddle_pass_host* self, heddle_frame* frame, const char*
     if (mapping.port != port) continue;
     heddle_mapped filled{};
     filled.struct_size = std::min<std::uint32_t>(out->struct_size, sizeof filled);
-    filled.data = mapping.late != nullptr ? mapping.late : mapping.staging.data();
+    std::byte* data = mapping.late != nullptr ? mapping.late : mapping.staging.data();
+    const Pass& declared = executor.pass_of(pass);
+    if (const Resource& resource = executor.graph.resources[declared.ports.find(port)->second]; resource.is_list()) {
+      std::uint32_t appended = 0;
+      std::memcpy(&appended, data, sizeof appended);
+      filled.count = std::min(appended, resource.capacity);
+      filled.overflow = appended - filled.count;
+      data += kListHead;
+    }
+    filled.data = data;
     filled.frame = mapping.frame;
     fill_shape(executor, executor.pass_of(pass), port, filled.shape);
     filled.row_bytes =
@@ -304,6 +325,32 @@ heddle_status dispatch_over(const heddle_pass_host* self, heddle_frame* frame, c
   const auto& local = shader->compiled.local_size;
   return dispatch(self, frame, name, groups(covered.width, local[0]), groups(covered.height, local[1]),
                   groups(covered.layers, local[2]), push, push_bytes);
+}
+
+heddle_status dispatch_over_list(const heddle_pass_host* self, heddle_frame* frame, const char* name, const char* port,
+                                 const void* push, std::uint32_t push_bytes) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    const ShaderState* shader = find_shader(pass, frame, name, ShaderKind::kCompute);
+    if (shader == nullptr) return HEDDLE_BUG;
+    Executor::State& executor = executor_of(pass);
+    const Technique& technique = executor.technique_of(pass);
+    const Port* list = technique.find_port(port);
+    const Stage& stage = technique.stages[frame->stage->stage];
+    const bool is_read = std::any_of(stage.accesses.begin(), stage.accesses.end(), [&](const Access& access) {
+      return access.port == port &&
+             (access.access == HEDDLE_ACCESS_STORAGE_READ || access.access == HEDDLE_ACCESS_STORAGE_READ_WRITE);
+    });
+    if (list == nullptr || !list->is_list() || !is_read) {
+      return wrong(pass, fmt::format("dispatches over '{}', which is no list that stage '{}' declares as STORAGE_READ "
+                                     "or STORAGE_READ_WRITE",
+                                     port, stage.name));
+    }
+    const Pass& declared = executor.pass_of(pass);
+    const auto bound = declared.ports.find(std::string_view(port));
+    if (bound != declared.ports.end()) executor.dispatch_over_list(pass, *shader, bound->second, push, push_bytes);
+    return HEDDLE_OK;
+  });
 }
 
 void set_viewport(const heddle_vulkan& vk, VkCommandBuffer commands, std::uint32_t x, std::uint32_t y,
@@ -521,6 +568,23 @@ void fill_pass_host(PassState& pass, const heddle_vulkan& table) {
   api.text = text;
   api.resolve_path = resolve_path;
   api.set_text = set_text;
+  api.set_capacity = set_capacity;
+  api.dispatch_over_list = dispatch_over_list;
+  api.request_redeclare = request_redeclare;
+}
+
+heddle_shape shape_of(const Resource& resource) {
+  heddle_shape shape{};
+  shape.struct_size = sizeof shape;
+  shape.type = static_cast<std::uint32_t>(resource.type);
+  shape.format = resource.format;
+  shape.width = resource.is_list() ? resource.capacity : resource.width;
+  shape.height = resource.is_list() ? 1 : resource.height;
+  shape.layers = std::max(resource.layers, 1U);
+  shape.mips = std::max(resource.mips, 1U);
+  shape.byte_size = resource.byte_size;
+  shape.is_bound = 1;
+  return shape;
 }
 
 VkExtent2D Executor::State::attachment_extent(const Pass& pass, const Stage& stage) const {

@@ -457,6 +457,7 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
     keep_outputs(scheduled);
     return;
   }
+  empty_lists(index);
   if (activity == HEDDLE_NOTHING) {
     write_neutral(state, scheduled);
     return;
@@ -478,6 +479,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
   // Nothing of a failed frame may reach the next: its plan, values and recorded commands go.
   try {
     if (!s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
+    if (s.is_redeclare_due()) s.redeclare();
     s.begin_frame_memory();
     s.stats.instances_drawn = s.stats.instances_culled = 0;
     s.drawn_layers.clear();
@@ -501,11 +503,14 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
       s.turn_histories();
       s.name_resources();
       s.set_scene_values(rendered);
+      s.count_slots.clear();
       s.run_stages(options.profile);
       s.stop_if_cancelled();
       s.label_commands(nullptr);
       s.record_barriers(s.barriers.at_end);
+      s.publish_counts();
       s.submit_and_wait();
+      s.tell_counts();
       s.frame_buffers.clear();
       ++s.frame_index;
     }

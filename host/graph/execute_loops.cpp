@@ -88,6 +88,7 @@ void Executor::State::begin_frame_memory() {
   frame_buffers.clear();
   view_count = 0;
   draw_command_bytes = 0;
+  group_command_count = 0;
   program_set = VK_NULL_HANDLE;
 }
 
@@ -103,6 +104,8 @@ void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> be
   }
   poison_around(index, true);
   run_stage(index, before);
+  sort_appended(index);
+  copy_counts(index);
   scan_outputs(index);
   // Of a loop that is the last iteration, as what follows it sees.
   if (is_last_iteration || order.stages[index].runs_once) look_at_outputs(index);

@@ -42,6 +42,7 @@ struct Picture {
 struct Frame {
   std::vector<Picture> kept;     // what the graph was asked for
   std::vector<Picture> scanned;  // every output, right after its pass; in the order of that run
+  bool has_overflowed = false;   // a list had no room: which elements it holds is a matter of chance
 };
 
 std::vector<Frame> run_frames(Executor& executor, Executor::State& state, const scene::Scene& scene,
@@ -51,8 +52,12 @@ std::vector<Frame> run_frames(Executor& executor, Executor::State& state, const 
     // Nothing changes: loops go on, or are complete, in each second frame, and begin anew in the others.
     FrameOptions frame_options = options;
     frame_options.anew = options.anew || f % 2 == 0;
+    // Of a frame that nobody compares nothing is left.
+    frame_options.cut = options.cut || (f > 0 && result.back().has_overflowed);
     executor.render(scene, frame_options);
     Frame& frame = result.emplace_back();
+    frame.has_overflowed =
+        std::ranges::any_of(state.stats.lists, [](const ListStats& list) { return list.overflow > 0; });
     for (const Executor::State::Scan& scan : state.scans)
       frame.scanned.push_back({scan.resource,
                                scan.pass,
@@ -104,6 +109,8 @@ void Executor::State::forget_frames() {
   frame_index = 0;
   previous_camera.reset();
   inputs.clear();
+  sorted_counts.clear();
+  overflowing.clear();
 }
 
 void Executor::State::poison_around(std::uint32_t stage, bool is_before) {
@@ -141,9 +148,11 @@ void Executor::State::poison_around(std::uint32_t stage, bool is_before) {
 
 CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& options, std::uint32_t frames) {
   State& s = *state_;
-  const auto run = [&](std::size_t order, std::optional<std::uint32_t> poison, bool culls = true) {
+  using ListOrder = State::ListOrder;
+  const auto run = [&](std::size_t order, std::optional<std::uint32_t> poison, bool culls = true,
+                       ListOrder list_order = ListOrder::kAscending) {
     s.unplan();
-    s.variant = {order, poison, culls};
+    s.variant = {order, poison, culls, list_order};
     s.forget_frames();
     return run_frames(*this, s, scene, options, frames);
   };
@@ -173,9 +182,26 @@ CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& optio
   for (const ResourceIndex wanted : s.wanted) report.compared.push_back(s.graph.resources[wanted].name);
   if (can_poison) report.poisons.assign(kPoisons.begin(), kPoisons.end());
 
-  const auto compare = [&](const std::vector<Frame>& found, std::size_t order, std::optional<std::uint32_t> poison) {
+  for (const auto& counted : s.lists.counted)
+    for (const ResourceIndex list : counted) report.lists.push_back(s.graph.resources[list].name);
+  for (const Frame& frame : expected) report.overflowed += frame.has_overflowed ? 1 : 0;
+  if (report.overflowed == frames) {
+    Diagnostic diagnostic;
+    diagnostic.where.file = s.graph.file;
+    diagnostic.message = fmt::format("in each of {} frames a list had no room: nothing could be compared", frames);
+    for (const ListStats& list : s.stats.lists)
+      if (list.overflow > 0)
+        diagnostic.found += fmt::format("{}'{}' with room for {} elements, {} more were left out",
+                                        diagnostic.found.empty() ? "" : "; ", list.name, list.capacity, list.overflow);
+    diagnostic.help = "which elements are left out is a matter of chance; check more frames, if the lists grow";
+    throw Error(HEDDLE_BAD_INPUT, std::move(diagnostic));
+  }
+
+  const auto compare = [&](const std::vector<Frame>& found, std::size_t order, std::optional<std::uint32_t> poison,
+                           bool is_of_lists = false) {
     ++report.runs;
     for (std::uint32_t f = 0; f < frames; ++f) {
+      if (expected[f].has_overflowed || found[f].has_overflowed) continue;
       for (const Picture& picture : expected[f].kept) {
         const Picture* same = find_same(found[f].kept, picture);
         if (same == nullptr || same->bytes == picture.bytes) continue;
@@ -196,9 +222,10 @@ CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& optio
         diagnostic.where.file = s.graph.file;
         diagnostic.message =
             fmt::format("'{}' {}", s.graph.resources[picture.resource].name,
-                        order != 0 ? "depends on the order of stages that nothing puts in order"
-                        : poison   ? fmt::format("depends on memory that nobody wrote, filled with 0x{:08X}", *poison)
-                                   : "differs between two runs of the same frames, the second without culling");
+                        is_of_lists  ? "depends on the order of a list's elements, which have none"
+                        : order != 0 ? "depends on the order of stages that nothing puts in order"
+                        : poison     ? fmt::format("depends on memory that nobody wrote, filled with 0x{:08X}", *poison)
+                                     : "differs between two runs of the same frames, the second without culling");
         diagnostic.found = fmt::format("frame {}, pixel {}, {}: {}", f, texel % picture.width, texel / picture.width,
                                        texel_text(*same));
         diagnostic.expected = fmt::format("{}, as in the order of the graph", texel_text(picture));
@@ -208,9 +235,9 @@ CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& optio
           const Pass& pass = s.graph.passes[scanned.pass];
           diagnostic.where = pass.where;
           diagnostic.help = fmt::format(
-              "the first output that differs is '{}': pass '{}' ({}) uses something that its declared accesses do not "
-              "tell",
-              s.graph.resources[scanned.resource].name, pass.name, pass.entry.technique->id);
+              "the first output that differs is '{}': pass '{}' ({}) uses {}", s.graph.resources[scanned.resource].name,
+              pass.name, pass.entry.technique->id,
+              is_of_lists ? "where an element stands in a list" : "something that its declared accesses do not tell");
           break;
         }
         if (order != 0)
@@ -222,6 +249,8 @@ CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& optio
   };
   // The second one also draws what no view can see, which must touch no pixel.
   compare(run(0, zeros, false), 0, {});
+  // What each stage has appended, the other way round.
+  if (!report.lists.empty()) compare(run(0, zeros, true, ListOrder::kDescending), 0, {}, true);
   for (std::size_t order = 0; order < orders.orders.size(); ++order) {
     if (!can_poison && order != 0) compare(run(order, {}), order, {});
     for (const std::uint32_t poison : report.poisons) compare(run(order, poison), order, poison);

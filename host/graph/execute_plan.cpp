@@ -46,6 +46,8 @@ void copy_shape(Resource& to, const Resource& from) {
   to.layers = from.layers;
   to.mips = from.mips;
   to.byte_size = from.byte_size;
+  to.capacity = from.capacity;
+  to.element_bytes = from.element_bytes;
 }
 
 bool is_environment(const Resource& resource) {
@@ -157,11 +159,25 @@ void Executor::State::plan(const std::vector<std::string>& features, bool is_res
   }
   find_outdated();
   bury();
-  for (const auto& pass : passes)
-    if (pass) ++(pass->is_adopted ? stats.plan.passes_kept : stats.plan.passes_made);
+  for (const auto& pass : passes) {
+    if (!pass) continue;
+    ++(pass->is_adopted ? stats.plan.passes_kept : stats.plan.passes_made);
+    if (pass->is_redeclared) ++stats.plan.passes_redeclared;
+    pass->is_redeclared = false;
+  }
   stats.plan.wall_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   is_changed = true;
   is_planned = true;
+}
+
+/// As the passes that asked for it have it now. Throws as plan does.
+void Executor::State::redeclare() {
+  is_redeclaring = true;
+  const struct Done {
+    bool& flag;
+    ~Done() { flag = false; }
+  } done{is_redeclaring};
+  plan(planned_features);
 }
 
 /// Everything that is decided before the first byte is allocated.
@@ -206,6 +222,7 @@ void Executor::State::plan_memory(const std::vector<std::string>& features) {
   }
   placement = alias(graph, order, needs, pinned);
   barriers = plan_barriers(graph, order, placement, wanted);
+  lists = plan_lists(graph, order);
 }
 
 void Executor::State::open_passes() {
@@ -232,7 +249,7 @@ void Executor::State::open_passes() {
 }
 
 void Executor::State::create(PassState& pass) {
-  pass.is_adopted = false;
+  pass.is_adopted = pass.is_redeclared = pass.wants_redeclare = false;
   pass.texts = {};
   if (pass.descriptor->create == nullptr) return;
   throw_if_failed(pass, pass.descriptor->create(&pass.api, &pass.object), "create");
@@ -249,7 +266,11 @@ void Executor::State::declare_passes() {
     }
     pass->is_adopted = keep_adopted(index);
     if (pass->is_adopted) continue;
-    if (pass->is_prepared) {
+    if (pass->is_prepared && is_redeclaring) {
+      // The object goes on: it asked for this, or reads what has another shape now because another one did.
+      pass->is_adopted = pass->is_redeclared = true;
+      pass->is_prepared = pass->wants_redeclare = false;
+    } else if (pass->is_prepared) {
       destroy(*pass);
       create(*pass);
     }
@@ -260,6 +281,8 @@ void Executor::State::declare_passes() {
       throw_if_failed(*pass, status, "declare");
     }
   }
+  for (PassIndex i = 0; i < passes.size(); ++i)
+    if (passes[i] && passes[i]->is_redeclared) adopt_rings(i);
   for (Resource& history : graph.resources) {
     const bool has_shape = history.type == PortType::kImage || history.type == PortType::kBuffer;
     if (history.history_of != kNoIndex && has_shape) copy_shape(history, graph.resources[history.history_of]);
@@ -297,6 +320,17 @@ void Executor::State::find_needs() {
       }
       need = device->image_requirements(image_shape(resource));
     } else {
+      const std::uint64_t most = device->limits().maxStorageBufferRange;
+      if (resource.is_list() && resource.byte_size > most) {
+        throw Error(HEDDLE_UNSUPPORTED,
+                    Diagnostic{Severity::kError,
+                               graph.passes[maker_of(graph, resource)].where,
+                               fmt::format("the list '{}' is too large for this device", resource.name),
+                               fmt::format("{} elements of {} bytes", resource.capacity, resource.element_bytes),
+                               fmt::format("at most {} elements: {} bytes in all",
+                                           (most - kListHead) / resource.element_bytes, most),
+                               {}});
+      }
       need = device->buffer_requirements(std::max<std::uint64_t>(resource.byte_size, 16), kPortBufferUsage);
     }
     needs[i] = {need.size, need.alignment};
@@ -358,6 +392,15 @@ void Executor::State::initialize_kept() {
       std::swap(layouts[i], layouts[resources[newest].root]);
     }
   }
+  // How many elements a list holds that is carried over: not in a frame, and the device is idle.
+  std::map<ResourceIndex, std::uint32_t> list_counts;
+  for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
+    const Legacy::Memory* old = graph.resources[i].is_list() && resources[i].buffer ? outgrown(i) : nullptr;
+    if (old == nullptr) continue;
+    std::uint32_t appended = 0;
+    std::memcpy(&appended, device->read_back(old->state.buffer, 0, sizeof appended).data(), sizeof appended);
+    list_counts[i] = std::min({appended, old->shape.capacity, graph.resources[i].capacity});
+  }
   device->run([&](VkCommandBuffer buffer) {
     commands = buffer;
     for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
@@ -372,6 +415,7 @@ void Executor::State::initialize_kept() {
         const Pass& producer = graph.passes[maker_of(graph, resource)];
         const RolePort* port = producer.role->find_port(resource.port);
         clear_image(state, resource, port != nullptr ? port->neutral : std::array<double, 4>{0, 0, 0, 0});
+        migrate(i, 0);
         record_barriers(std::array{full_barrier(i, state.layout, layouts[i])});
       } else if (state.buffer && resource.is_kept) {
         device->table().CmdFillBuffer(buffer, state.buffer.handle(), 0, VK_WHOLE_SIZE, 0);
@@ -384,6 +428,11 @@ void Executor::State::initialize_kept() {
         VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
         dependency.memoryBarrierCount = 1;
         dependency.pMemoryBarriers = &memory;
+        device->table().CmdPipelineBarrier2(buffer, &dependency);
+        if (outgrown(i) == nullptr) continue;
+        memory.srcStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+        memory.srcAccessMask = VK_ACCESS_2_MEMORY_WRITE_BIT;
+        migrate(i, list_counts[i]);
         device->table().CmdPipelineBarrier2(buffer, &dependency);
       }
     }
@@ -400,6 +449,7 @@ vulkan::BoundPort Executor::State::bound_port(const Pass& pass, const Access& ac
   bound.blend = access.blend;
   bound.type = port.type;
   bound.glsl = port.glsl;
+  bound.is_list = port.is_list();
   bound.types = port.types;
   if (contract != nullptr) bound.neutral = contract->neutral;
   const auto found = pass.ports.find(access.port);
@@ -409,6 +459,7 @@ vulkan::BoundPort Executor::State::bound_port(const Pass& pass, const Access& ac
     bound.format = static_cast<VkFormat>(resource.format);
     bound.layers = std::max(resource.layers, 1U);
     bound.is_cube = (resource.flags & HEDDLE_PORT_CUBE) != 0;
+    bound.element_bytes = resource.element_bytes;
   }
   return bound;
 }
@@ -581,6 +632,7 @@ ShaderState Executor::State::compile_shader(const PassState& state, const Shader
 
 /// Objects have their former shaders until nothing can fail any more.
 void Executor::State::compile_passes(bool is_restoring) {
+  make_groups_pipeline();
   bool draws_surfaces = false;
   std::size_t shader_count = 0;
   for (const auto& state : passes) {

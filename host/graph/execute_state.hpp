@@ -4,6 +4,7 @@
 
 #include "graph/execute.hpp"
 
+#include <algorithm>
 #include <set>
 
 namespace heddle::graph {
@@ -65,7 +66,9 @@ struct PassState {
   bool is_declaring = false;  // inside declare
   bool is_preparing = false;  // inside prepare
   bool is_prepared = false;
-  bool is_adopted = false;  // the object of an earlier plan
+  bool is_adopted = false;       // the object of an earlier plan
+  bool is_redeclared = false;    // and while it is planned: declared and prepared again
+  bool wants_redeclare = false;  // asked for it; due before the next frame
   vulkan::GeneratedTexts texts;
   std::string resolved_path;  // the last answer of resolve_path
   std::map<std::string, ShaderState, std::less<>> shaders;
@@ -143,6 +146,8 @@ struct Executor::State {
   std::uint32_t memory_types = 0;  // that serve them all
   Placement placement;
   BarrierPlan barriers;
+  ListPlan lists;
+  bool is_redeclaring = false;  // the plan is made because a pass asked for it
   std::vector<ResourceIndex> wanted;
   std::vector<ResourceState> resources;
   std::vector<ReadBackRing> rings;
@@ -195,6 +200,7 @@ struct Executor::State {
   void open_device();
   void plan(const scene::Scene& scene);
   void plan(const std::vector<std::string>& features, bool is_restoring = false);
+  void redeclare();
   void plan_memory(const std::vector<std::string>& features);
   void find_needs();
   void unplan();
@@ -205,6 +211,9 @@ struct Executor::State {
   bool keep_adopted(PassIndex pass);
   void adopt_memory(ResourceIndex resource);
   void find_outdated();
+  void adopt_rings(PassIndex pass);
+  [[nodiscard]] Legacy::Memory* outgrown(ResourceIndex resource);
+  void migrate(ResourceIndex resource, std::uint32_t list_count);
   ShaderState* former_pipelines(PassState& pass, const ShaderState& made);
   void open_passes();
   void create(PassState& pass);
@@ -269,13 +278,36 @@ struct Executor::State {
   DrawRange draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum);
   void throw_if_failed(const PassState& pass, heddle_status status, std::string_view what);
 
+  // Lists (execute_lists.cpp).
+  vulkan::Pipeline groups_pipeline;
+  vulkan::Buffer group_commands;           // VkDispatchIndirectCommand of each dispatch over a list
+  std::uint64_t group_command_count = 0;   // of this submission
+  std::vector<ResourceIndex> count_slots;  // this frame's: whose head was copied, in that order
+  std::vector<vulkan::Buffer> count_buffers;
+  std::set<std::string> overflowing;  // names of the lists that had no room in the last frame
+  [[nodiscard]] AccessInfo list_access(const ScheduledStage& stage, ResourceIndex list) const;
+  void empty_lists(std::uint32_t stage);
+  void copy_counts(std::uint32_t stage);
+  void publish_counts();
+  void tell_counts();
+  void make_groups_pipeline();
+  void dispatch_over_list(const PassState& pass, const ShaderState& shader, ResourceIndex list, const void* push,
+                          std::uint32_t push_bytes);
+  [[nodiscard]] bool is_redeclare_due() const {
+    return std::ranges::any_of(passes, [](const auto& pass) { return pass && pass->wants_redeclare; });
+  }
+
   // What Executor::check renders (execute_orders.cpp): one of find_orders, and what fills memory that nobody wrote.
+  enum class ListOrder : std::uint8_t { kAscending, kDescending };  // of bytes, of what one stage has appended
   struct Variant {
     std::size_t order = 0;
     std::optional<std::uint32_t> poison;
     bool culls = true;
+    std::optional<ListOrder> list_order;
   };
   Variant variant;
+  std::map<ResourceIndex, std::uint32_t> sorted_counts;  // elements of each list that were put in order
+  void sort_appended(std::uint32_t stage);
   void place_poison(ResourceIndex resource, std::uint64_t bytes);
   void poison_around(std::uint32_t stage, bool is_before);
   void forget_frames();
@@ -332,6 +364,8 @@ std::uint64_t bytes_of(const std::vector<VkBufferImageCopy>& regions, const Reso
 Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout to);
 /// What was copied to host memory is there for the host once the fence is.
 void show_copies_to_host(const heddle_vulkan& vk, VkCommandBuffer commands);
+/// A resource's shape as plugins see it, bound.
+heddle_shape shape_of(const Resource& resource);
 
 /// Fills the C functions of a pass's host side.
 void fill_pass_host(PassState& pass, const heddle_vulkan& table);

@@ -82,6 +82,8 @@ std::string shape_text(const Resource& resource) {
     case PortType::kSurfaces:
       return "surfaces";
     case PortType::kBuffer:
+      if (resource.is_list())
+        return fmt::format("list of at most {} elements of {} bytes", resource.capacity, resource.element_bytes);
       return fmt::format("buffer of {} bytes", resource.byte_size);
     case PortType::kImage:
       break;
@@ -305,6 +307,7 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
   if (!rows.empty()) text += "\nfunctions\n" + table_text(rows);
 
   text += "\norder, with the barriers before each stage\n";
+  const ListPlan lists = plan_lists(graph, order);
   for (std::uint32_t s = 0; s < order.stages.size(); ++s) {
     const ScheduledStage& scheduled = order.stages[s];
     text += loop_text(graph, order, s);
@@ -321,6 +324,10 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
     if (s < barriers.before.size())
       for (const Barrier& barrier : barriers.before[s])
         text += fmt::format("          barrier {}\n", barrier_text(graph, barrier));
+    for (const ResourceIndex list : lists.emptied[s])
+      text += fmt::format("          empties '{}'\n", graph.resources[list].name);
+    for (const ResourceIndex list : lists.counted[s])
+      text += fmt::format("          counts  '{}', for the time after the frame\n", graph.resources[list].name);
     if (s < barriers.again.size())
       for (const Barrier& barrier : barriers.again[s])
         text += fmt::format("          again   {}\n", barrier_text(graph, barrier));
@@ -385,6 +392,12 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
     json["passes"].push_back(std::move(entry));
   }
 
+  const auto names_of = [&](const std::vector<ResourceIndex>& resources) {
+    Json names = Json::array();
+    for (const ResourceIndex resource : resources) names.push_back(graph.resources[resource].name);
+    return names;
+  };
+  const ListPlan lists = plan_lists(graph, order);
   json["stages"] = Json::array();
   for (std::uint32_t s = 0; s < order.stages.size(); ++s) {
     const ScheduledStage& scheduled = order.stages[s];
@@ -403,6 +416,8 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
     entry["barriers"] = Json::array();
     if (s < barriers.before.size())
       for (const Barrier& barrier : barriers.before[s]) entry["barriers"].push_back(barrier_json(graph, barrier));
+    if (!lists.emptied[s].empty()) entry["empties"] = names_of(lists.emptied[s]);
+    if (!lists.counted[s].empty()) entry["counts"] = names_of(lists.counted[s]);
     if (s < barriers.again.size() && !barriers.again[s].empty()) {
       entry["barriers_again"] = Json::array();
       for (const Barrier& barrier : barriers.again[s]) entry["barriers_again"].push_back(barrier_json(graph, barrier));
@@ -430,6 +445,10 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
       entry["height"] = resource.height;
       entry["layers"] = resource.layers;
       entry["mips"] = resource.mips;
+    }
+    if (resource.is_list()) {
+      entry["capacity"] = resource.capacity;
+      entry["element_bytes"] = resource.element_bytes;
     }
     if (resource.history_of != kNoIndex) entry["history_of"] = graph.resources[resource.history_of].name;
     if (resource.previous_version != kNoIndex)

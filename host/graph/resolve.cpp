@@ -382,6 +382,16 @@ class Resolver {
                       given == said.end() ? fmt::format("write inputs.{} = \"pass.port\"", port.name) : std::string{});
         continue;
       }
+      if (resource.is_list() != port.is_list()) {
+        const auto word = [](bool is_list) { return is_list ? "a list" : "a buffer of fixed length"; };
+        problems_.add(given == said.end() ? pass.where : given->second->where,
+                      fmt::format("pass '{}': input '{}' is {}, but '{}' is {}", pass.name, port.name,
+                                  word(port.is_list()), resource.name, word(resource.is_list())),
+                      given == said.end() ? std::string{} : to_toml(*given->second),
+                      fmt::format("a port that is {}", word(port.is_list())),
+                      given == said.end() ? fmt::format("write inputs.{} = \"pass.port\"", port.name) : std::string{});
+        continue;
+      }
       warn_of_units(e, port.name, resource, given == said.end() ? nullptr : given->second);
       if (port.direction == Direction::kIn) {
         pass.ports[port.name] = source.resource;
@@ -655,6 +665,11 @@ class Resolver {
     const Pass& pass = graph_.passes[made.producer];
     const Port& port = *pass.entry.technique->find_port(made.port);
     resource.byte_size = port.byte_size;
+    if (port.is_list()) {
+      resource.capacity = port.capacity;
+      resource.element_bytes = port.element_bytes;
+      resource.byte_size = list_bytes(port.capacity, port.element_bytes);
+    }
     if (resource.type == PortType::kBuffer) return;
     const auto scaled = [&](std::uint32_t size) {
       // Rounded up; the small step back keeps exact products of float32 scales exact.

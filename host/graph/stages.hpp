@@ -102,7 +102,15 @@ struct Resource {
   std::uint32_t format = 0, width = 0, height = 0, layers = 1, mips = 1;
   std::uint32_t flags = 0;  // HEDDLE_PORT_*
   std::uint64_t byte_size = 0;
+  std::uint32_t capacity = 0, element_bytes = 0;  // lists
+  [[nodiscard]] bool is_list() const { return (flags & HEDDLE_PORT_LIST) != 0; }
 };
+
+/// Of a list's memory, before its elements: how often shaders appended, in the first four bytes.
+inline constexpr std::uint64_t kListHead = 16;
+inline std::uint64_t list_bytes(std::uint32_t capacity, std::uint32_t element_bytes) {
+  return kListHead + std::uint64_t{capacity} * element_bytes;
+}
 
 /// Where a parameter's value comes from.
 struct ParameterOrigin {
@@ -267,6 +275,12 @@ struct BarrierPlan {
   std::vector<VkImageLayout>
       first_layout;  // layout in which each resource enters a frame (UNDEFINED: contents not needed)
 };
+/// Where the host itself touches the heads of lists, by first versions; each parallel to Order::stages.
+struct ListPlan {
+  std::vector<std::vector<ResourceIndex>> emptied;  // before the stage's own commands, after its barriers
+  std::vector<std::vector<ResourceIndex>> counted;  // after the stage's commands: nothing appends later
+};
+ListPlan plan_lists(const ResolvedGraph& graph, const Order& order);
 /// Layouts and stage masks of an access. Pure table.
 struct AccessInfo {
   VkPipelineStageFlags2 stages = 0;

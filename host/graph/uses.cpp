@@ -242,10 +242,22 @@ ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource) 
 }
 
 std::string_view access_name(std::uint32_t access) {
-  constexpr std::array<std::string_view, 15> kNames{
-      "sampled",           "sampled linear",   "storage read",  "storage write",  "storage read and write",
-      "colour attachment", "depth attachment", "depth test",    "value",          "draw",
-      "host read",         "host write",       "transfer read", "transfer write", "sampled compare"};
+  constexpr std::array<std::string_view, 16> kNames{"sampled",
+                                                    "sampled linear",
+                                                    "storage read",
+                                                    "storage write",
+                                                    "storage read and write",
+                                                    "colour attachment",
+                                                    "depth attachment",
+                                                    "depth test",
+                                                    "value",
+                                                    "draw",
+                                                    "host read",
+                                                    "host write",
+                                                    "transfer read",
+                                                    "transfer write",
+                                                    "sampled compare",
+                                                    "append"};
   return access < kNames.size() ? kNames[access] : "unknown";
 }
 

@@ -169,13 +169,15 @@ class DescriptorReader {
     port.glsl = optional_text(source.glsl, "glsl");
     port.help = optional_text(source.help, "help");
     port.previous_of = optional_text(source.previous_of, "previous_of");
+    port.capacity = source.capacity;
+    port.element_bytes = source.element_bytes;
     // A size that follows from parameters or inputs is set in declare; otherwise it stands here.
     if (port.direction == Direction::kOut && !may_declare) {
       const bool is_block = port.type == PortType::kBuffer || port.type == PortType::kValue;
       if (port.type == PortType::kImage && port.format == 0) {
         complain("an image output without format", "0", "a VkFormat, or a declare that sets it");
       }
-      if (is_block && port.byte_size == 0) {
+      if (is_block && !port.is_list() && port.byte_size == 0) {
         complain("an output without byte_size", "0", "the capacity in bytes, or a declare that sets it");
       }
     }

@@ -29,6 +29,7 @@ Json port_to_json(const RolePort& port) {
           {"range", range_to_json(port.range)},
           {"neutral", neutral},
           {"glsl", port.glsl},
+          {"list", port.is_list},
           {"help", port.help}};
 }
 

@@ -16,21 +16,21 @@ namespace heddle {
 namespace {
 
 // Of the JSON; raised when a key is added, renamed or dropped.
-constexpr std::uint32_t kFormat = 2;
+constexpr std::uint32_t kFormat = 3;
 
 // Words of the enumerations, in the order of their values in plugin.h.
 constexpr std::array<std::string_view, 4> kPortTypes{"image", "buffer", "value", "surfaces"};
 constexpr std::array<std::string_view, 3> kDirections{"in", "out", "inout"};
-constexpr std::array<std::string_view, 4> kPortFlags{"optional", "kept", "cube", "rewritten"};
+constexpr std::array<std::string_view, 5> kPortFlags{"optional", "kept", "cube", "rewritten", "list"};
 constexpr std::array<std::string_view, 2> kExtentRules{"frame", "absolute"};
 constexpr std::array<std::string_view, 8> kParameterTypes{"float", "int",    "bool",  "choice",
                                                           "color", "float3", "names", "text"};
 constexpr std::array<std::string_view, 3> kParameterFlags{"knob", "redeclare", "constant"};
 constexpr std::array<std::string_view, 2> kStageKinds{"gpu", "cpu"};
-constexpr std::array<std::string_view, 15> kAccesses{
-    "sampled",   "sampled_linear", "storage_read",  "storage_write",  "storage_read_write",
-    "color",     "depth",          "depth_read",    "value",          "draw",
-    "host_read", "host_write",     "transfer_read", "transfer_write", "sampled_compare"};
+constexpr std::array<std::string_view, 16> kAccesses{
+    "sampled",       "sampled_linear", "storage_read",    "storage_write", "storage_read_write", "color",
+    "depth",         "depth_read",     "value",           "draw",          "host_read",          "host_write",
+    "transfer_read", "transfer_write", "sampled_compare", "append"};
 constexpr std::array<std::string_view, 3> kLoopParts{"outside", "before", "after"};
 constexpr std::array<std::string_view, 4> kLoads{"keep", "clear", "dont_care", "clear_new"};
 constexpr std::array<std::string_view, 5> kBlends{"none", "over", "add", "multiply", "tint"};
@@ -72,7 +72,9 @@ Json port_to_json(const Port& port) {
           {"byte_size", port.byte_size},
           {"glsl", port.glsl},
           {"help", port.help},
-          {"previous_of", port.previous_of}};
+          {"previous_of", port.previous_of},
+          {"capacity", port.capacity},
+          {"element_bytes", port.element_bytes}};
 }
 
 Json parameter_to_json(const Parameter& parameter) {
@@ -251,7 +253,7 @@ class Node {
 
 Port read_port(const Node& node) {
   node.only({"name", "type", "direction", "flags", "format", "extent_rule", "extent_scale", "width", "height", "layers",
-             "mips", "byte_size", "glsl", "help", "previous_of"});
+             "mips", "byte_size", "glsl", "help", "previous_of", "capacity", "element_bytes"});
   Port port;
   node.at("name").read(port.name);
   node.at("type").read_word(port.type, kPortTypes);
@@ -268,6 +270,8 @@ Port read_port(const Node& node) {
   node.at("glsl").read(port.glsl);
   node.at("help").read(port.help);
   node.at("previous_of").read(port.previous_of);
+  node.at("capacity").read(port.capacity);
+  node.at("element_bytes").read(port.element_bytes);
   return port;
 }
 

@@ -188,6 +188,11 @@ class Contract {
       complain(fmt::format("port '{}' has another direction than in the role", port.name),
                std::string(to_word(port.direction)), std::string(to_word(contract->direction)));
     }
+    if (port.is_list() != contract->is_list) {
+      complain(fmt::format("port '{}' is {}, and in the role it is not", port.name,
+                           port.is_list() ? "a list" : "a buffer of fixed length"),
+               {}, contract->is_list ? "HEDDLE_PORT_LIST" : "no HEDDLE_PORT_LIST");
+    }
     if (is_block && port.glsl.empty()) port.glsl = contract->glsl;
     if (port.help.empty()) port.help = contract->help;
   }

@@ -218,8 +218,9 @@ class RoleReader {
     RolePort port;
     port.name = read_name(table, "port", "name", port_names_);
     const std::string what = fmt::format("port '{}'", port.name);
-    check_keys(table, what,
-               {"name", "direction", "type", "optional", "infinite", "unit", "range", "neutral", "glsl", "help"});
+    check_keys(
+        table, what,
+        {"name", "direction", "type", "optional", "infinite", "unit", "range", "neutral", "glsl", "list", "help"});
     port.direction = static_cast<Direction>(read_word(table, what, "direction", {"in", "out", "inout"}, std::nullopt));
     port.type =
         static_cast<PortType>(read_word(table, what, "type", {"image", "buffer", "value", "surfaces"}, std::nullopt));
@@ -229,12 +230,16 @@ class RoleReader {
     port.range = read_range(table, what);
     port.neutral = read_numbers<4>(table, what, "neutral").value_or(port.neutral);
     port.glsl = read_string(table, what, "glsl", false);
+    port.is_list = read_bool(table, what, "list");
     port.help = read_string(table, what, "help", true);
     const bool has_members = port.type == PortType::kBuffer || port.type == PortType::kValue;
     if (has_members && port.glsl.empty()) {
       complain(table.source(), what + " has no 'glsl'", {}, "the members of the block as shaders see them");
     } else if (!has_members && !port.glsl.empty()) {
       complain(table.get("glsl")->source(), what + ": 'glsl' belongs to buffers and values");
+    }
+    if (port.is_list && port.type != PortType::kBuffer) {
+      complain(table.get("list")->source(), what + ": 'list' belongs to buffers");
     }
     role_.ports.push_back(std::move(port));
   }

@@ -25,6 +25,13 @@ bool is_storage_access(std::uint32_t access) {
          access == HEDDLE_ACCESS_STORAGE_READ_WRITE;
 }
 
+// Whoever writes into a list appends, or changes elements that are there.
+bool fits_list(std::uint32_t access) {
+  return access == HEDDLE_ACCESS_APPEND || access == HEDDLE_ACCESS_STORAGE_READ ||
+         access == HEDDLE_ACCESS_STORAGE_READ_WRITE || access == HEDDLE_ACCESS_HOST_READ ||
+         access == HEDDLE_ACCESS_TRANSFER_READ;
+}
+
 bool is_host_access(std::uint32_t access) {
   return access == HEDDLE_ACCESS_HOST_READ || access == HEDDLE_ACCESS_HOST_WRITE;
 }
@@ -32,7 +39,7 @@ bool is_host_access(std::uint32_t access) {
 bool is_write(std::uint32_t access) {
   return access == HEDDLE_ACCESS_STORAGE_WRITE || access == HEDDLE_ACCESS_STORAGE_READ_WRITE ||
          access == HEDDLE_ACCESS_COLOR || access == HEDDLE_ACCESS_DEPTH || access == HEDDLE_ACCESS_HOST_WRITE ||
-         access == HEDDLE_ACCESS_TRANSFER_WRITE;
+         access == HEDDLE_ACCESS_TRANSFER_WRITE || access == HEDDLE_ACCESS_APPEND;
 }
 
 bool fits_port(std::uint32_t access, PortType type) {
@@ -116,7 +123,8 @@ class Rules {
   void check_port(const Port& port) {
     check_name("port", port.name, port_names_);
     const std::string what = fmt::format("port '{}'", port.name);
-    check_flags(what, port.flags, HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE | HEDDLE_PORT_REWRITTEN);
+    check_flags(what, port.flags,
+                HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE | HEDDLE_PORT_REWRITTEN | HEDDLE_PORT_LIST);
     bool is_known = check_choice(what, "type", static_cast<std::uint32_t>(port.type), HEDDLE_PORT_SURFACES);
     is_known = check_choice(what, "direction", static_cast<std::uint32_t>(port.direction), HEDDLE_INOUT) && is_known;
     is_known = check_choice(what, "extent_rule", port.extent_rule, HEDDLE_EXTENT_ABSOLUTE) && is_known;
@@ -148,6 +156,24 @@ class Rules {
     if (port.layers == 0 || port.mips == 0) complain(what + ": no layers or no mips");
     if (!port.glsl.empty() && port.type != PortType::kBuffer && port.type != PortType::kValue) {
       complain(what + ": glsl belongs to buffers and values");
+    }
+    check_list(port, what);
+  }
+
+  void check_list(const Port& port, const std::string& what) {
+    if (!port.is_list()) {
+      if (port.capacity != 0 || port.element_bytes != 0)
+        complain(what + ": capacity and element_bytes belong to HEDDLE_PORT_LIST");
+      return;
+    }
+    if (port.type != PortType::kBuffer) complain(what + ": HEDDLE_PORT_LIST is for buffers");
+    if (port.byte_size != 0) {
+      complain(what + ": a list's memory follows from its capacity", fmt::format("byte_size {}", port.byte_size),
+               "byte_size 0");
+    }
+    if (port.direction == Direction::kOut && (port.element_bytes == 0 || port.element_bytes % 4 != 0)) {
+      complain(what + ": element_bytes is no size of an element", fmt::format("{}", port.element_bytes),
+               "a multiple of 4 above 0");
     }
   }
 
@@ -233,11 +259,11 @@ class Rules {
         complain(place + ": there is no such port", {}, "one of " + join_names(ports));
         continue;
       }
-      bool is_known = check_choice(place, "access", access.access, HEDDLE_ACCESS_SAMPLED_COMPARE);
+      bool is_known = check_choice(place, "access", access.access, HEDDLE_ACCESS_APPEND);
       is_known = check_choice(place, "load", access.load, HEDDLE_LOAD_CLEAR_NEW) && is_known;
       is_known = check_choice(place, "blend", access.blend, HEDDLE_BLEND_TINT) && is_known;
       if (!is_known) continue;
-      if (!fits_port(access.access, port->type)) {
+      if (port->is_list() ? !fits_list(access.access) : !fits_port(access.access, port->type)) {
         complain(place + ": the access does not fit the port's type", fmt::format("HEDDLE_ACCESS {}", access.access));
       }
       const bool is_shared_output = port->direction == Direction::kInout && port->is_optional();
@@ -270,7 +296,7 @@ class Rules {
       }
       const bool is_host = is_host_access(access.access);
       const bool is_right = stage.kind == StageKind::kCpu ? is_host || access.access == HEDDLE_ACCESS_VALUE : !is_host;
-      if (access.access <= HEDDLE_ACCESS_SAMPLED_COMPARE && !is_right) {
+      if (access.access <= HEDDLE_ACCESS_APPEND && !is_right) {
         complain(fmt::format("{}: access to '{}' is not of its kind", what, access.port),
                  fmt::format("HEDDLE_ACCESS {}", access.access),
                  stage.kind == StageKind::kCpu ? "HOST_READ, HOST_WRITE or VALUE in a cpu stage"
@@ -338,9 +364,10 @@ class Rules {
     for (const Access& access : function.accesses) {
       const bool is_sampled = access.access == HEDDLE_ACCESS_SAMPLED || access.access == HEDDLE_ACCESS_SAMPLED_LINEAR ||
                               access.access == HEDDLE_ACCESS_SAMPLED_COMPARE;
-      if (!is_sampled && !is_storage_access(access.access) && access.access != HEDDLE_ACCESS_VALUE) {
+      if (!is_sampled && !is_storage_access(access.access) && access.access != HEDDLE_ACCESS_VALUE &&
+          access.access != HEDDLE_ACCESS_APPEND) {
         complain(fmt::format("{}: access to '{}' is not for functions", what, access.port),
-                 fmt::format("HEDDLE_ACCESS {}", access.access), "SAMPLED*, STORAGE_* or VALUE");
+                 fmt::format("HEDDLE_ACCESS {}", access.access), "SAMPLED*, STORAGE_*, VALUE or APPEND");
       }
     }
     check_calls(what, function.calls);

@@ -36,7 +36,8 @@ struct RolePort {
   std::string unit;
   std::optional<std::array<double, 2>> range;
   std::array<double, 4> neutral{0, 0, 0, 0};
-  std::string glsl;  // buffer, value: members of the block
+  std::string glsl;      // buffer, value: members of the block
+  bool is_list = false;  // buffer: HEDDLE_PORT_LIST
   std::string help;
   bool operator==(const RolePort&) const = default;
 };
@@ -100,8 +101,10 @@ struct Port {
   std::string help;
   std::string previous_of;  // an output of the same technique
   std::string types;        // GLSL that `glsl` needs before it; of components, never in a descriptor
+  std::uint32_t capacity = 0, element_bytes = 0;  // lists
   [[nodiscard]] bool is_optional() const { return (flags & HEDDLE_PORT_OPTIONAL) != 0; }
   [[nodiscard]] bool is_kept() const { return (flags & HEDDLE_PORT_KEPT) != 0; }
+  [[nodiscard]] bool is_list() const { return (flags & HEDDLE_PORT_LIST) != 0; }
   bool operator==(const Port&) const = default;
 };
 

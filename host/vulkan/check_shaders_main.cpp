@@ -44,6 +44,8 @@ std::vector<vulkan::BoundPort> bound_ports(const Technique& technique, const Rol
     bound.is_cube = (port.flags & HEDDLE_PORT_CUBE) != 0;
     bound.glsl = port.glsl;
     bound.types = port.types;
+    bound.is_list = port.is_list();
+    bound.element_bytes = port.element_bytes;
     if (const RolePort* contract = role != nullptr ? role->find_port(port.name) : nullptr) {
       bound.neutral = contract->neutral;
       if (bound.glsl.empty()) bound.glsl = contract->glsl;

@@ -196,7 +196,7 @@ Pipeline PipelineMaker::compute(const CompiledShader& shader, const Constants& c
 
 Pipeline PipelineMaker::fullscreen(const CompiledShader& shader, const Constants& constants, const RasterState& state) {
   if (fullscreen_vertex_.empty()) {
-    fullscreen_vertex_ = shader::compile_own("fullscreen.vert", kFullscreenVertex, false, cache_folder_, {});
+    fullscreen_vertex_ = shader::compile_own("fullscreen.vert", kFullscreenVertex, cache_folder_, {});
   }
   Pipeline made;
   made.device_ = device_;

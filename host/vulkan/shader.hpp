@@ -24,6 +24,8 @@ struct BoundPort {
   std::string glsl;         // members of a buffer's or value's block
   std::string types;        // what `glsl` needs before it: then the block is a component, an element an owner
   std::uint32_t blend = 0;  // HEDDLE_BLEND_*
+  bool is_list = false;
+  std::uint32_t element_bytes = 0;  // of a list; 0: not known
 };
 
 /// Texts that a pass made while it ran, by what includes call them: "generated/NAME.glsl". Each takes the place of the
@@ -139,6 +141,13 @@ struct SurfaceProgram {
 /// 2 materials), the view from push constants' uniform (set 3: 3, dynamic offset), instance by gl_InstanceIndex.
 SurfaceProgram mesh_program(const std::filesystem::path& cache_folder,
                             const std::vector<std::filesystem::path>& shared_folders);
+
+/// The host's own: an element count on the GPU -> the work groups of a dispatch over so many. Set 0: the list, and
+/// the VkDispatchIndirectCommand; pushed: ListGroups.
+CompiledShader list_groups_shader(const std::filesystem::path& cache_folder);
+struct ListGroups {
+  std::uint32_t capacity = 0, local_size = 1;
+};
 
 // ---- pipelines ----
 

@@ -39,9 +39,13 @@ struct Module {
   std::map<Id, std::string> names;
   std::map<Id, std::uint32_t> sets, bindings;
   std::map<Id, Id> pointees;  // pointer type -> what it points to; array type -> element
+  std::set<Id> runtime_arrays;
   std::set<Id> handle_types;  // images, samplers, and both combined
   std::set<Id> images_without_format;
-  std::vector<std::pair<Id, Id>> variables;  // id, type; those outside of functions
+  std::map<Id, std::uint32_t> strides;                            // of array types
+  std::map<Id, std::vector<Id>> members;                          // of structures
+  std::map<std::pair<Id, std::uint32_t>, std::uint32_t> offsets;  // of a structure's member
+  std::vector<std::pair<Id, Id>> variables;                       // id, type; those outside of functions
   std::map<Id, FunctionWords> functions;
 };
 
@@ -67,8 +71,10 @@ std::size_t least_operands(spv::Op operation) {
     case spv::OpFunction:
       return 2;
     case spv::OpTypeSampler:
+    case spv::OpTypeStruct:
       return 1;
     case spv::OpDecorate:
+    case spv::OpMemberDecorate:
     case spv::OpTypePointer:
     case spv::OpTypeArray:
     case spv::OpVariable:
@@ -93,6 +99,14 @@ void read_instruction(Module& module, FunctionWords*& current, const Instruction
     case spv::OpDecorate:
       if (operands[1] == spv::DecorationDescriptorSet) module.sets[operands[0]] = operands[2];
       if (operands[1] == spv::DecorationBinding) module.bindings[operands[0]] = operands[2];
+      if (operands[1] == spv::DecorationArrayStride) module.strides[operands[0]] = operands[2];
+      break;
+    case spv::OpMemberDecorate:
+      if (operands[2] == spv::DecorationOffset && operands.size() > 3)
+        module.offsets[{operands[0], operands[1]}] = operands[3];
+      break;
+    case spv::OpTypeStruct:
+      module.members[operands[0]].assign(operands.begin() + 1, operands.end());
       break;
     case spv::OpTypeImage: {
       constexpr std::size_t kSampled = 6, kFormat = 7;
@@ -109,8 +123,11 @@ void read_instruction(Module& module, FunctionWords*& current, const Instruction
     case spv::OpTypePointer:
       module.pointees[operands[0]] = operands[2];
       break;
-    case spv::OpTypeArray:
     case spv::OpTypeRuntimeArray:
+      module.runtime_arrays.insert(operands[0]);
+      module.pointees[operands[0]] = operands[1];
+      break;
+    case spv::OpTypeArray:
       module.pointees[operands[0]] = operands[1];
       break;
     case spv::OpVariable:
@@ -336,6 +353,15 @@ std::vector<BoundVariable> find_accesses(std::span<const std::uint32_t> words) {
     const Id inner = innermost(module, type);
     BoundVariable variable{set->second, binding->second, name_of(module, id)};
     if (variable.name.empty()) variable.name = name_of(module, inner);
+    if (const auto block = module.members.find(inner); block != module.members.end() && !block->second.empty()) {
+      const auto last = static_cast<std::uint32_t>(block->second.size() - 1);
+      const auto stride = module.strides.find(block->second[last]);
+      const auto offset = module.offsets.find({inner, last});
+      if (module.runtime_arrays.contains(block->second[last]) && stride != module.strides.end()) {
+        variable.element_bytes = stride->second;
+        variable.elements_at = offset == module.offsets.end() ? 0 : offset->second;
+      }
+    }
     if (const auto effect = effects.find(id); effect != effects.end() && effect->second != 0) {
       variable.reads = (effect->second & kRead) != 0;
       variable.writes = (effect->second & kWrite) != 0;

@@ -16,8 +16,9 @@ struct BoundVariable {
   std::uint32_t set = 0, binding = 0;
   std::string name;  // of the variable, or of its block's type; "" if the words have lost their names
   bool reads = false, writes = false;
-  bool is_atomic = false;             // it is touched, and by atomic operations alone
-  bool reads_without_format = false;  // a storage image whose type names no format is loaded from
+  bool is_atomic = false;                            // it is touched, and by atomic operations alone
+  bool reads_without_format = false;                 // a storage image whose type names no format is loaded from
+  std::uint32_t element_bytes = 0, elements_at = 0;  // of the array without length that ends a block: stride, offset
   bool operator==(const BoundVariable&) const = default;
 };
 

@@ -12,6 +12,9 @@
 namespace heddle::vulkan::shader {
 namespace {
 
+/// Bytes before a list's elements: uint heddle_list_NAME[4], of shader_generate.cpp.
+constexpr std::uint32_t kListHead = 16;
+
 struct Declared {
   bool reads = false, writes = false;
   std::string_view name;    // of the access, as descriptors spell it
@@ -34,6 +37,8 @@ Declared declared_access(const Binding& binding) {
       return {false, true, "HEDDLE_ACCESS_STORAGE_WRITE", "for writing alone"};
     case HEDDLE_ACCESS_STORAGE_READ_WRITE:
       return {true, true, "HEDDLE_ACCESS_STORAGE_READ_WRITE", "for both"};
+    case HEDDLE_ACCESS_APPEND:
+      return {true, true, "HEDDLE_ACCESS_APPEND", "for appending"};
     case HEDDLE_ACCESS_VALUE:
       return {true, false, "HEDDLE_ACCESS_VALUE", "as a value, which shaders only read"};
     default:
@@ -64,7 +69,39 @@ class Checker {
       complain(variable, fmt::format("declares '{}' in the place of {}", variable.name, describe_content(*binding)));
     } else {
       check_access(*binding, variable);
+      check_elements(*binding, variable);
     }
+  }
+
+  /// The memory of a list is as large as its descriptor says that elements are.
+  void check_elements(const Binding& binding, const BoundVariable& variable) {
+    const BoundPort* list = find_list(binding);
+    const bool is_known = list != nullptr && list->element_bytes != 0 && variable.element_bytes != 0;
+    if (!is_known || (list->element_bytes == variable.element_bytes && variable.elements_at == kListHead)) return;
+    const Author author = author_of(binding, variable);
+    Diagnostic diagnostic;
+    diagnostic.where.file = author.file;
+    diagnostic.message = fmt::format("{} sees elements of {} bytes in the list '{}', and they have {}", author.who,
+                                     variable.element_bytes, binding.port, list->element_bytes);
+    diagnostic.found = list->glsl;
+    diagnostic.expected = fmt::format(
+        "an array of elements that std430 lays {} bytes apart, aligned to 16 bytes at most", list->element_bytes);
+    diagnostic.help = "let element_bytes of who makes the list and glsl of who reads it agree";
+    problems_.push_back(std::move(diagnostic));
+  }
+
+  [[nodiscard]] const BoundPort* find_list(const Binding& binding) const {
+    const auto find = [&](const std::vector<BoundPort>& ports) -> const BoundPort* {
+      const auto found = std::find_if(ports.begin(), ports.end(),
+                                      [&](const BoundPort& port) { return port.port == binding.port && port.is_list; });
+      return found == ports.end() ? nullptr : &*found;
+    };
+    if (binding.set == kSetOfCaller) return find(join_.request->ports);
+    for (const Provider& provider : join_.providers) {
+      if (provider.request->pass != binding.pass) continue;
+      if (const BoundPort* list = find(provider.request->ports); list != nullptr) return list;
+    }
+    return nullptr;
   }
 
   [[nodiscard]] bool is_surface_variable(const BoundVariable& variable) const {

@@ -52,7 +52,7 @@ struct Compilation {
   std::string messages;  // empty: it went well
 };
 
-Compilation run_compiler(SourceSet& sources, const std::string& main, bool is_fragment, bool is_vertex = false) {
+Compilation run_compiler(SourceSet& sources, const std::string& main, shaderc_shader_kind kind) {
   // Making a compiler builds glslang's tables, 0.1 s: one for the process, used by one thread at a time inside anyway.
   static const shaderc::Compiler compiler;
   shaderc::CompileOptions options;
@@ -62,9 +62,6 @@ Compilation run_compiler(SourceSet& sources, const std::string& main, bool is_fr
   options.SetSuppressWarnings();
   options.SetIncluder(std::make_unique<Includer>(sources));
   ++compilations;
-  const shaderc_shader_kind kind = is_vertex     ? shaderc_vertex_shader
-                                   : is_fragment ? shaderc_fragment_shader
-                                                 : shaderc_compute_shader;
   const auto result = compiler.CompileGlslToSpv(main, kind, std::string(kMainName).c_str(), options);
   Compilation out;
   if (result.GetCompilationStatus() == shaderc_compilation_status_success) {
@@ -213,7 +210,8 @@ CompiledShader compile_join(const JoinedText& join, const fs::path& cache_folder
   const std::string key = cache_folder.empty() ? std::string() : key_of(join, sources);
   if (auto cached = read_cache(cache_folder, key)) return std::move(*cached);
   const bool is_fragment = join.request->shader->kind != ShaderKind::kCompute;
-  Compilation compiled = run_compiler(sources, join.main, is_fragment);
+  Compilation compiled =
+      run_compiler(sources, join.main, is_fragment ? shaderc_fragment_shader : shaderc_compute_shader);
   if (!compiled.messages.empty()) throw Error(HEDDLE_BAD_INPUT, diagnostics_of(compiled.messages, join));
   CompiledShader shader;
   shader.kind = join.request->shader->kind;
@@ -255,12 +253,18 @@ std::vector<Diagnostic> errors_of_parts(const ShaderRequest& request) {
 
 }  // namespace
 
-std::vector<std::uint32_t> compile_own(std::string_view name, std::string_view text, bool is_fragment,
-                                       const fs::path& cache_folder, const std::vector<fs::path>& shared_folders) {
+std::vector<std::uint32_t> compile_own(std::string_view name, std::string_view text, const fs::path& cache_folder,
+                                       const std::vector<fs::path>& shared_folders) {
   Technique technique;
   Shader shader_of_host;
   shader_of_host.name = name;
-  shader_of_host.kind = is_fragment ? ShaderKind::kSurfaces : ShaderKind::kFullscreen;
+  // The ending says what it is, as authors' files do; the kind only says what a message may name.
+  const shaderc_shader_kind kind = name.ends_with(".vert")   ? shaderc_vertex_shader
+                                   : name.ends_with(".frag") ? shaderc_fragment_shader
+                                                             : shaderc_compute_shader;
+  shader_of_host.kind = kind == shaderc_fragment_shader ? ShaderKind::kSurfaces
+                        : kind == shaderc_vertex_shader ? ShaderKind::kFullscreen
+                                                        : ShaderKind::kCompute;
   ShaderRequest request;
   request.pass = "the host";
   request.technique = &technique;
@@ -272,7 +276,7 @@ std::vector<std::uint32_t> compile_own(std::string_view name, std::string_view t
   SourceSet sources(own);
   const std::string key = cache_folder.empty() ? std::string() : key_of(own, sources);
   if (auto cached = read_cache(cache_folder, key)) return std::move(cached->spirv);
-  Compilation compiled = run_compiler(sources, own.main, is_fragment, !is_fragment);
+  Compilation compiled = run_compiler(sources, own.main, kind);
   if (!compiled.messages.empty()) throw Error(HEDDLE_BUG, diagnostics_of(compiled.messages, own));
   CompiledShader entry;
   entry.spirv = std::move(compiled.words);

@@ -71,7 +71,7 @@ bool is_sampled(std::uint32_t access) {
 }
 bool is_storage(std::uint32_t access) {
   return access == HEDDLE_ACCESS_STORAGE_READ || access == HEDDLE_ACCESS_STORAGE_WRITE ||
-         access == HEDDLE_ACCESS_STORAGE_READ_WRITE;
+         access == HEDDLE_ACCESS_STORAGE_READ_WRITE || access == HEDDLE_ACCESS_APPEND;
 }
 
 class Declarer {
@@ -89,6 +89,8 @@ class Declarer {
         } else {
           line("layout(location = {}) out {}vec4 {};", next_location++, prefix_of(port.format), name);
         }
+      } else if (port.is_list && is_storage(port.access)) {
+        list(port);
       } else if (port.access == HEDDLE_ACCESS_VALUE || (port.type != PortType::kImage && is_storage(port.access))) {
         block(port);
       } else if (is_sampled(port.access)) {
@@ -140,11 +142,14 @@ class Declarer {
       const auto same = std::find_if(out.begin(), out.end(), [&](const BoundPort& o) { return o.port == port.port; });
       if (same == out.end()) {
         out.push_back(port);
-      } else if (is_storage(same->access) && is_storage(port.access)) {
+      } else if (is_storage(same->access) && is_storage(port.access) && same->access != HEDDLE_ACCESS_APPEND &&
+                 port.access != HEDDLE_ACCESS_APPEND) {
         if (same->access != port.access) same->access = HEDDLE_ACCESS_STORAGE_READ_WRITE;
       } else if (same->access != port.access) {
         fail(port, "is accessed in two ways that exclude each other",
-             "one stage samples a port, stores into it or draws into it; split the stage, or use STORAGE_READ_WRITE");
+             port.is_list ? "one stage appends to a list, another reads it: split the stage"
+                          : "one stage samples a port, stores into it or draws into it; split the stage, or use "
+                            "STORAGE_READ_WRITE");
       }
     }
     return out;
@@ -303,6 +308,42 @@ class Declarer {
     const std::string array = element.name + std::string(scope_.suffix);
     line("{0} {1}(uint owner) {{ if (owner < uint({2}.length())) return {2}[owner]; return {0}_absent(); }}", type,
          accessor("fetch", port), array);
+  }
+
+  // A head of 16 bytes, then the elements. Whoever appends does not see them: what others append meanwhile has no
+  // order.
+  void list(const BoundPort& port) {
+    const std::vector<Member> members = block_members(port.glsl);
+    if (members.size() != 1 || !members.front().is_unsized_array) {
+      fail(port, fmt::format("is a list of \"{}\"", port.glsl), "a list's glsl is one array without length");
+    }
+    const std::string& member = members.front().name;
+    const bool is_appended = port.access == HEDDLE_ACCESS_APPEND;
+    const std::string hidden = "heddle_elements_" + glsl_name(port.port);
+    const std::set<std::string, std::less<>> names{member};
+    std::string text = rename(port.glsl, scan(port.glsl), names, "_heddle");
+    const std::string::size_type at = text.find(member + "_heddle");
+    const std::string type = text.substr(0, at);
+    const std::string elements = (is_appended ? hidden : member) + std::string(scope_.suffix);
+    text.replace(at, member.size() + std::string_view("_heddle").size(), elements);
+    if (!is_appended) out_.names.insert(member);
+    const std::string name = glsl_name(port.port) + std::string(scope_.suffix);
+    line("// elements of {} bytes", port.element_bytes);  // what the code is checked for is in the cache's key
+    line("layout(std430, set = {}, binding = {}) {}buffer HeddleBuffer_{} {{ uint heddle_list_{}[4]; {} }};",
+         scope_.set, bind(Binding::Kind::kStorageBuffer, port),
+         port.access == HEDDLE_ACCESS_STORAGE_READ ? "readonly " : "", name, name, text);
+    has(port);
+    const std::string capacity = accessor("capacity", port);
+    line("uint {}() {{ return uint({}.length()); }}", capacity, elements);
+    if (!is_appended) {
+      line("uint {}() {{ return min(heddle_list_{}[0], {}()); }}", accessor("count", port), name, capacity);
+      return;
+    }
+    line("bool {}({} element) {{", accessor("append", port), type);
+    line("  uint index = atomicAdd(heddle_list_{}[0], 1u);", name);
+    line("  if (index < {}()) {}[index] = element;", capacity, elements);
+    line("  return index < {}();", capacity);
+    line("}}");
   }
 
   [[nodiscard]] std::string rename_members(const std::string& text,

@@ -140,7 +140,7 @@ void check_accesses(const JoinedText& join, std::span<const std::uint32_t> words
 // ---- shader_compile.cpp ----
 
 /// Text of the host itself (no author to blame): words of SPIR-V, through the cache.
-std::vector<std::uint32_t> compile_own(std::string_view name, std::string_view text, bool is_fragment,
+std::vector<std::uint32_t> compile_own(std::string_view name, std::string_view text,
                                        const std::filesystem::path& cache_folder,
                                        const std::vector<std::filesystem::path>& shared_folders);
 

@@ -86,10 +86,10 @@ void main() {
 SurfaceProgram mesh_program(const std::filesystem::path& cache_folder,
                             const std::vector<std::filesystem::path>& shared_folders) {
   SurfaceProgram program;
-  program.vertex = shader::compile_own("mesh.vert", kVertex, false, cache_folder, shared_folders);
+  program.vertex = shader::compile_own("mesh.vert", kVertex, cache_folder, shared_folders);
   const std::string masked = "#version 460\n#include <heddle/records.h>\n" +
                              shader::declare_kind(ShaderKind::kSurfaces) + std::string(kMaskedMain);
-  program.masked_fragment = shader::compile_own("mesh.frag", masked, true, cache_folder, shared_folders);
+  program.masked_fragment = shader::compile_own("mesh.frag", masked, cache_folder, shared_folders);
   return program;
 }
 

@@ -590,7 +590,9 @@ class Graph(_Object):
         two patterns; the bytes of the output and of kept ports must agree. Afterwards the graph is as before its first
         frame.
 
-        returns: {"frames", "runs", "orders", "unordered_pairs", "seen_both_ways": int, "poisons", "compared": list}
+        returns: {"frames", "runs", "orders", "unordered_pairs", "seen_both_ways": int, "poisons", "compared": list,
+                  "lists": those whose elements were seen in two orders, "overflowed": frames that were not compared,
+                  because a list had no room in them}
         raises:  Error, with the first thing that was found
         """
         options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), 0, time, time_step, seed, 0, 0)
@@ -601,7 +603,8 @@ class Graph(_Object):
 
     def stats(self) -> dict:
         """Of the last frame: {"wall_ms": recording and running, "submit_ms": from submission to fence, "stages": of a
-        profiled frame [{"pass", "stage", "wall_ms", "cpu_ms"}], "counters": commands and bytes, "memory": bytes,
+        profiled frame [{"pass", "stage", "wall_ms", "cpu_ms"}], "counters": commands and bytes, "lists":
+        [{"name", "capacity", "count", "overflow": elements that had no room}], "memory": bytes,
         "libraries", "device", "frames": since the graph was planned}."""
         text = ctypes.c_char_p()
         self._check(_heddle.heddle_stats(self._handle, ctypes.byref(text)))

@@ -300,6 +300,44 @@ TEST(Barriers, RefuseToShareWhatIsReadAfterTheFrame) {
   EXPECT_THROW(plan_barriers(made.graph, sequence, placement, std::array{a}), Error);
 }
 
+TEST(Barriers, CoverHowTheHostEmptiesAndCountsLists) {
+  for (const std::uint32_t flags : {0U, HEDDLE_PORT_KEPT, HEDDLE_PORT_KEPT | HEDDLE_PORT_REWRITTEN}) {
+    for (const bool has_readers : {true, false}) {
+      SyntheticGraph made;
+      const PassIndex find = made.pass("find"), more = made.pass("more"), shade = made.pass("shade");
+      const PassIndex blur = made.pass("blur");
+      const ResourceIndex list = made.buffer(find, "list", HEDDLE_PORT_LIST | flags);
+      made.gpu(find, "main", {touch("list", HEDDLE_ACCESS_APPEND)});
+      const ResourceIndex longer = made.change(more, "list", list);
+      made.gpu(more, "main", {touch("list", HEDDLE_ACCESS_APPEND)}, ShaderKind::kFullscreen);
+      const ResourceIndex color = made.image(shade, "color");
+      std::vector<Access> shading{touch("color", HEDDLE_ACCESS_STORAGE_WRITE)};
+      if (has_readers) {
+        made.input(shade, "list", longer);
+        shading.push_back(touch("list", HEDDLE_ACCESS_STORAGE_READ));
+      }
+      if (flags == (HEDDLE_PORT_KEPT | HEDDLE_PORT_REWRITTEN)) {
+        made.input(shade, "last", made.history(list));
+        shading.push_back(touch("last", HEDDLE_ACCESS_STORAGE_READ));
+      }
+      made.gpu(shade, "main", shading);
+      made.input(blur, "color", color);
+      made.image(blur, "blurred");  // may take the list's place
+      made.gpu(blur, "main", {touch("color", HEDDLE_ACCESS_SAMPLED), touch("blurred", HEDDLE_ACCESS_STORAGE_WRITE)});
+      const Planned planned = expect_proven(made, {color});
+      const ListPlan lists = plan_lists(made.graph, planned.sequence);
+      using List = std::vector<ResourceIndex>;
+      const auto stage_of = [&](PassIndex pass) {
+        return static_cast<std::size_t>(std::ranges::find(planned.sequence.stages, pass, &ScheduledStage::pass) -
+                                        planned.sequence.stages.begin());
+      };
+      EXPECT_EQ(lists.emptied[stage_of(find)], flags == HEDDLE_PORT_KEPT ? List{} : List{list});
+      EXPECT_EQ(lists.counted[stage_of(more)], List{list});
+      EXPECT_EQ(lists.counted[stage_of(find)], List{});
+    }
+  }
+}
+
 TEST(Barriers, CoverGraphsMadeByChance) {
   constexpr std::array kReads{HEDDLE_ACCESS_SAMPLED, HEDDLE_ACCESS_SAMPLED_LINEAR, HEDDLE_ACCESS_STORAGE_READ,
                               HEDDLE_ACCESS_TRANSFER_READ};

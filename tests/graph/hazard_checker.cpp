@@ -102,7 +102,43 @@ class Player {
   void run(std::uint32_t s, const std::vector<Barrier>& barriers) {
     where_ = graph_.passes[order_.stages[s].pass].name + " stage " + std::to_string(s);
     for (const Barrier& barrier : barriers) apply(barrier);
-    for (const auto& [resource, touch] : touches(order_.stages[s])) access(resource, touch);
+    for (const auto& [resource, touch] : touches(order_.stages[s])) {
+      Touch head;
+      head.stages = kTransfer;
+      head.layouts = touch.layouts;
+      if (is_emptied(resource, s)) {
+        head.writes = VK_ACCESS_2_TRANSFER_WRITE_BIT;
+        access(resource, head);
+        apply({resource, kTransfer, touch.stages, head.writes, touch.reads | touch.writes});
+      }
+      access(resource, touch);
+      if (!is_counted(resource, s)) continue;
+      head.writes = 0;
+      head.reads = VK_ACCESS_2_TRANSFER_READ_BIT;
+      apply({resource, touch.stages, kTransfer, touch.writes, head.reads});
+      access(resource, head);
+    }
+  }
+  /// The host's own transfers, beside what the stage does, with barriers of their own in between.
+  [[nodiscard]] bool is_emptied(ResourceIndex r, std::uint32_t stage) {
+    const Resource& list = graph_.resources[r];
+    if (!list.is_list() || list.history_of != kNoIndex) return false;
+    if (is_kept(r) && (list.flags & HEDDLE_PORT_REWRITTEN) == 0) return false;
+    for (std::uint32_t s = 0; s < stage; ++s)
+      if (touches(order_.stages[s]).contains(r)) return false;
+    return true;
+  }
+  [[nodiscard]] bool is_counted(ResourceIndex r, std::uint32_t stage) {
+    if (!graph_.resources[r].is_list() || graph_.resources[r].history_of != kNoIndex) return false;
+    const auto writes = [&](std::uint32_t s) {
+      const auto found = touches(order_.stages[s]);
+      const auto touch = found.find(r);
+      return touch != found.end() && touch->second.writes != 0;
+    };
+    if (!writes(stage)) return false;
+    for (std::uint32_t s = stage + 1; s < order_.stages.size(); ++s)
+      if (writes(s)) return false;
+    return true;
   }
   /// What was made in an iteration is not there in the next, unless it is kept or made only once.
   void begin_iteration(const ScheduledLoop& loop) {
@@ -187,6 +223,7 @@ class Player {
       case HEDDLE_ACCESS_STORAGE_WRITE:
         return say(shaders, 0, VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT, VK_IMAGE_LAYOUT_GENERAL, false);
       case HEDDLE_ACCESS_STORAGE_READ_WRITE:
+      case HEDDLE_ACCESS_APPEND:
         return say(shaders, VK_ACCESS_2_SHADER_STORAGE_READ_BIT, VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT,
                    VK_IMAGE_LAYOUT_GENERAL, true);
       case HEDDLE_ACCESS_COLOR:

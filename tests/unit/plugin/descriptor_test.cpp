@@ -317,6 +317,36 @@ TEST(Descriptor, WithAPortThatContradictsItselfIsRefused) {
             told("port 'depth': glsl belongs to buffers and values"));
 }
 
+TEST(Descriptor, WithAListThatContradictsItselfIsRefused) {
+  const auto list = [](const auto& change) {
+    return message([&](Example& e) {
+      e.ports[2].flags = HEDDLE_PORT_LIST;
+      e.ports[2].byte_size = 0;
+      e.ports[2].element_bytes = 8;
+      e.accesses[2].access = HEDDLE_ACCESS_HOST_READ;
+      change(e);
+    });
+  };
+  EXPECT_EQ(list([](Example&) {}), "no error") << "a capacity of 0 is one";
+  EXPECT_EQ(list([](Example& e) { e.ports[2].byte_size = 64; }),
+            told("port 'table': a list's memory follows from its capacity\n  found:    byte_size 64\n"
+                 "  expected: byte_size 0"));
+  EXPECT_EQ(list([](Example& e) { e.ports[2].element_bytes = 6; }),
+            told("port 'table': element_bytes is no size of an element\n  found:    6\n"
+                 "  expected: a multiple of 4 above 0"));
+  EXPECT_EQ(list([](Example& e) { e.accesses[2].access = HEDDLE_ACCESS_HOST_WRITE; }),
+            told("stage 'fill': access to 'table': the access does not fit the port's type\n"
+                 "  found:    HEDDLE_ACCESS 11"));
+  EXPECT_EQ(message([](Example& e) { e.ports[1].flags = HEDDLE_PORT_LIST; }),
+            told("port 'visibility': HEDDLE_PORT_LIST is for buffers\n") +
+                told("port 'visibility': element_bytes is no size of an element\n  found:    0\n"
+                     "  expected: a multiple of 4 above 0\n") +
+                told("stage 'draw': access to 'visibility': the access does not fit the port's type\n"
+                     "  found:    HEDDLE_ACCESS 5"));
+  EXPECT_EQ(message([](Example& e) { e.ports[2].capacity = 8; }),
+            told("port 'table': capacity and element_bytes belong to HEDDLE_PORT_LIST"));
+}
+
 TEST(Descriptor, WithAHistoryThatIsNotThereIsRefused) {
   const auto refused = [](const std::string& name) {
     return told("port 'depth': previous_of names nothing that it could read\n  found:    \"" + name +

@@ -42,7 +42,15 @@ Technique example() {
   table.direction = Direction::kInout;
   table.byte_size = std::numeric_limits<std::uint64_t>::max();
   table.glsl = "float table[];";
-  technique.ports = {depth, out, table};
+  Port list;
+  list.name = "found";
+  list.type = PortType::kBuffer;
+  list.direction = Direction::kOut;
+  list.flags = HEDDLE_PORT_LIST;
+  list.capacity = 4294967295U;
+  list.element_bytes = 12;
+  list.glsl = "float found[][3];";
+  technique.ports = {depth, out, table, list};
   Parameter radius;
   radius.name = "radius";
   radius.flags = HEDDLE_PARAMETER_KNOB;
@@ -67,7 +75,8 @@ Technique example() {
                {std::numeric_limits<float>::infinity(), 0.1F, 1e-45F, -0.0F},
                HEDDLE_BLEND_MULTIPLY};
   Access fill{"table", HEDDLE_ACCESS_STORAGE_READ_WRITE, HEDDLE_LOAD_DONT_CARE, {}};
-  technique.stages = {{"draw", StageKind::kGpu, {read, write, fill}}, {"wait", StageKind::kCpu, {}}};
+  Access append{"found", HEDDLE_ACCESS_APPEND, HEDDLE_LOAD_KEEP, {}};
+  technique.stages = {{"draw", StageKind::kGpu, {read, write, fill, append}}, {"wait", StageKind::kCpu, {}}};
   technique.shaders = {{"draw", ShaderKind::kSurfaces, "draw", "", {"shadow", "sky"}, VK_COMPARE_OP_LESS, -1.1F, 0.7F}};
   technique.functions = {{"sky", "sky.glsl", {read}, {"shadow"}, true}};
   technique.features = {"mesh"};
@@ -167,9 +176,9 @@ TEST(Manifest, WithBrokenJsonNamesThePlace) {
 }
 
 TEST(Manifest, OfAnotherFormatSaysSo) {
-  EXPECT_EQ(message(replaced(to_json(example_manifest()), "\"format\": 2", "\"format\": 3")),
+  EXPECT_EQ(message(replaced(to_json(example_manifest()), "\"format\": 3", "\"format\": 4")),
             kFile.string() +
-                ": error: manifest: /format is another format\n  found:    3\n  expected: 2\n"
+                ": error: manifest: /format is another format\n  found:    4\n  expected: 3\n"
                 "  help:     manifests are written by heddle-manifest: build the plugin again");
 }
 

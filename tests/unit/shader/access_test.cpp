@@ -229,6 +229,59 @@ TEST_F(AccessCheck, AtomicOnABufferDeclaredForWriting) {
                 "  help:     declare storage_read_write(\"list\") for stage 'light'; an atomic operation reads too");
 }
 
+TEST_F(AccessCheck, AccessorsOfListsDoWhatIsDeclared) {
+  const std::string statements =
+      "if (append_found(uvec2(1u, 2u))) return;\n"
+      "if (capacity_found() > 3u && has_found) totals[0] = float(count_tiles()) + tiles[0].x;\n"
+      "ids[0] = count_numbers() + capacity_numbers();";
+  const CompiledShader compiled =
+      compile(caller(statements, {list("found", HEDDLE_ACCESS_APPEND, "uvec2 pixels[];", 8),
+                                  list("tiles", HEDDLE_ACCESS_STORAGE_READ, "vec3 tiles[];", 16),
+                                  list("numbers", HEDDLE_ACCESS_STORAGE_READ_WRITE, "uint ids[];", 4),
+                                  buffer("sums", HEDDLE_ACCESS_STORAGE_WRITE, "float totals[];")}),
+              {});
+  EXPECT_EQ(compiled.bindings.size(), 4U);
+}
+
+TEST_F(AccessCheck, FunctionOfAProviderAppends) {
+  Role role = light_role();
+  const Technique& telling =
+      provider_technique("light/telling", "telling.glsl",
+                         "float light(uint key, vec3 position) { return append_seen(key) ? 1.0 : 0.0; }\n");
+  ShaderRequest made = calling_request();
+  made.roles = {
+      {&role, Join::kSwitch, {provider("sun", telling, {list("seen", HEDDLE_ACCESS_APPEND, "uint seen[];", 4)})}}};
+  EXPECT_EQ(error_of(made), "");
+}
+
+TEST_F(AccessCheck, ElementsOfAListHaveAnotherSize) {
+  EXPECT_EQ(error_of(caller("append_found(vec3(1.0));", {list("found", HEDDLE_ACCESS_APPEND, "vec3 points[];", 12)})),
+            place("caller/shade.glsl") +
+                ": error: shader 'shade' of pass 'caller' sees elements of 16 bytes in the list 'found', and they have "
+                "12\n"
+                "  found:    vec3 points[];\n"
+                "  expected: an array of elements that std430 lays 12 bytes apart, aligned to 16 bytes at most\n"
+                "  help:     let element_bytes of who makes the list and glsl of who reads it agree");
+}
+
+TEST_F(AccessCheck, WhoAppendsSeesNoElements) {
+  EXPECT_THAT(error_of(caller("append_found(pixels[0]);", {list("found", HEDDLE_ACCESS_APPEND, "uint pixels[];", 4)})),
+              testing::HasSubstr("'pixels' : undeclared identifier"));
+}
+
+TEST_F(AccessCheck, ListIsAppendedToAndReadInOneStage) {
+  EXPECT_EQ(error_of(caller("append_found(1u);", {list("found", HEDDLE_ACCESS_APPEND, "uint pixels[];", 4),
+                                                  list("found", HEDDLE_ACCESS_STORAGE_READ, "uint pixels[];", 4)})),
+            "error: port 'found' of stage 'light' of pass 'caller' is accessed in two ways that exclude each other\n"
+            "  help:     one stage appends to a list, another reads it: split the stage");
+}
+
+TEST_F(AccessCheck, ListOfSeveralMembersIsRefused) {
+  EXPECT_EQ(error_of(caller("", {list("found", HEDDLE_ACCESS_APPEND, "uint total; uint pixels[];", 4)})),
+            "error: port 'found' of stage 'light' of pass 'caller' is a list of \"uint total; uint pixels[];\"\n"
+            "  help:     a list's glsl is one array without length");
+}
+
 TEST_F(AccessCheck, FunctionOfAProviderReadsWhatItDeclaresForWriting) {
   Role role = light_role();
   const Technique& counting = provider_technique(

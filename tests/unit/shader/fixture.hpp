@@ -72,6 +72,13 @@ class ShaderTest : public testing::Test {
     port.glsl = glsl;
     return port;
   }
+  static BoundPort list(const std::string& name, std::uint32_t access, const std::string& glsl,
+                        std::uint32_t element_bytes) {
+    BoundPort port = buffer(name, access, glsl);
+    port.is_list = true;
+    port.element_bytes = element_bytes;
+    return port;
+  }
   static BoundPort value(const std::string& name, const std::string& glsl) {
     BoundPort port = buffer(name, HEDDLE_ACCESS_VALUE, glsl);
     port.type = PortType::kValue;

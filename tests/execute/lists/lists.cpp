@@ -1,0 +1,204 @@
+// SPDX-License-Identifier: Apache-2.0
+// lists/find, more, shade, order, late, collect, canvas: work that is found, listed, and done where it was found; kept
+// contents that outgrow their memory. forgets, listens: what a technique may get wrong with lists. For tests.
+#include <heddle/pass.hpp>
+
+#include <algorithm>
+
+namespace {
+
+using namespace heddle::pass;
+
+constexpr std::uint32_t kElement = 8;
+constexpr const char* kPixels = "uvec2 pixels[];";
+constexpr heddle_port kColor = image_out("color", VK_FORMAT_R32G32B32A32_SFLOAT, "a picture");
+
+constexpr heddle_parameter kParameters[] = {
+    integer("share", "1", 0, 1000000, 250, "of 1000 pixels; collect: elements a frame"),
+    integer("salt", "1", 0, 1000, 1, "other pixels"),
+    integer("room", "1", 0, 2000000000, 64, "elements that the list holds at first", HEDDLE_PARAMETER_REDECLARE),
+    toggle("grows", true, "whether it is made larger when it overflows"),
+};
+
+/// Twice the room until everything fits: a pass that grows when it must.
+struct Growing {
+  explicit Growing(const PassHost& given) : host(given), room(static_cast<std::uint32_t>(given.integer("room"))) {}
+  heddle_status declare(const PassHost&) const { return host.set_capacity("pixels", room); }
+  void counted(const PassHost&, const heddle_list_count& count) {
+    if (count.overflow == 0 || !host.toggle("grows")) return;
+    room = std::max(2 * room, count.count + count.overflow);
+    host.request_redeclare();
+  }
+  PassHost host;
+  std::uint32_t room;
+};
+
+// pixels: those that are worth work.
+constexpr heddle_port kFindPorts[] = {kColor, list_out("pixels", 0, kElement, kPixels, "pixels that are worth work")};
+constexpr heddle_access kFind[] = {appended("pixels"), storage_write("color")};
+constexpr heddle_stage kFindStages[] = {gpu_stage("find", kFind)};
+constexpr heddle_shader kFindShaders[] = {compute_shader("find", "find", "find.comp.glsl")};
+struct Find : Growing {
+  using Growing::Growing;
+  heddle_status record(const Frame& frame) const { return frame.dispatch_over("find", "color"); }
+};
+
+// The same, behind what is in the list already.
+constexpr heddle_port kMorePorts[] = {kColor, list_out("pixels", 0, 0, kPixels, "more of them", 0, HEDDLE_INOUT)};
+struct More {
+  heddle_status record(const Frame& frame) const { return frame.dispatch_over("find", "color"); }
+};
+
+// color = what the list says, black elsewhere: as much work as there are elements.
+constexpr heddle_port kShadePorts[] = {kColor, list_in("pixels", "what is shaded", kPixels, HEDDLE_PORT_OPTIONAL)};
+constexpr heddle_access kClear[] = {storage_write("color")};
+constexpr heddle_access kShade[] = {storage_read("pixels"), storage_write("color")};
+constexpr heddle_stage kShadeStages[] = {gpu_stage("clear", kClear), gpu_stage("shade", kShade)};
+constexpr heddle_shader kShadeShaders[] = {compute_shader("clear", "clear", "clear.comp.glsl"),
+                                           compute_shader("shade", "shade", "shade.comp.glsl")};
+struct Shade {
+  heddle_status record(const Frame& frame) const {
+    return frame.stage() == 0 ? frame.dispatch_over("clear", "color") : frame.dispatch_over_list("shade", "pixels");
+  }
+};
+
+// color = the list as it lies in memory.
+constexpr heddle_stage kOrderStages[] = {gpu_stage("order", kShade)};
+constexpr heddle_shader kOrderShaders[] = {compute_shader("order", "order", "order.comp.glsl")};
+struct Order {
+  heddle_status record(const Frame& frame) const { return frame.dispatch_over("order", "color"); }
+};
+
+// The CPU reads the list of a frame ago.
+constexpr heddle_port kLatePorts[] = {
+    kColor, list_in("pixels", "what is read", kPixels),
+    value_out("seen", 16, "frame + 1, count, overflow, sum of what is drawn", "vec4 seen;")};
+constexpr heddle_access kReading[] = {host_read("pixels"), value("seen")};
+constexpr heddle_access kShowing[] = {value("seen"), storage_write("color")};
+constexpr heddle_stage kLateStages[] = {late(1, cpu_stage("read", kReading)), gpu_stage("show", kShowing)};
+constexpr heddle_shader kLateShaders[] = {compute_shader("seen", "show", "seen.comp.glsl")};
+struct Late {
+  heddle_status execute(const Frame& frame) const {
+    heddle_mapped list;
+    if (const heddle_status status = frame.map("pixels", list); status != HEDDLE_OK) return status;
+    const auto* elements = static_cast<const std::uint32_t*>(list.data);
+    float sum = 0;  // of integers below 2^24: exact in every order
+    for (std::uint32_t i = 0; i < list.count; ++i) sum += static_cast<float>(elements[2 * i + 1]);
+    const float seen[4] = {list.frame == HEDDLE_NO_FRAME ? 0.0F : static_cast<float>(list.frame) + 1.0F,
+                           static_cast<float>(list.count), static_cast<float>(list.overflow), sum};
+    return frame.set_value<float>("seen", seen);
+  }
+  heddle_status record(const Frame& frame) const { return frame.dispatch_over("seen", "color"); }
+};
+
+// A list that goes on from frame to frame.
+constexpr heddle_port kCollectPorts[] = {
+    kColor, list_out("pixels", 0, kElement, kPixels, "elements of all frames", HEDDLE_PORT_KEPT)};
+constexpr heddle_access kCollecting[] = {appended("pixels")};
+constexpr heddle_stage kCollectStages[] = {gpu_stage("collect", kCollecting), gpu_stage("show", kShade)};
+constexpr heddle_shader kCollectShaders[] = {compute_shader("collect", "collect", "collect.comp.glsl"),
+                                             compute_shader("collected", "show", "collected.comp.glsl")};
+struct Collect : Growing {
+  using Growing::Growing;
+  heddle_status record(const Frame& frame) const {
+    if (frame.stage() == 1) return frame.dispatch("collected", (frame.host().shape("color").width + 7) / 8);
+    const auto share = static_cast<std::uint32_t>(host.integer("share"));
+    return frame.dispatch("collect", (share + 7) / 8, 1, 1, static_cast<std::uint32_t>(frame.info().index));
+  }
+};
+
+// A kept image that becomes wider when the next column would not fit, and its history.
+constexpr heddle_port kCanvasPorts[] = {
+    kColor,
+    image_out_sized("canvas", VK_FORMAT_R32_SFLOAT, 2, 8, "a column a frame", HEDDLE_PORT_KEPT),
+    previous_of("canvas", image_in("last_canvas", "last frame's")),
+};
+constexpr heddle_access kPaint[] = {storage_write("canvas")};
+constexpr heddle_access kShowCanvas[] = {sampled("canvas"), sampled("last_canvas"), storage_write("color")};
+constexpr heddle_stage kCanvasStages[] = {gpu_stage("paint", kPaint), gpu_stage("show", kShowCanvas)};
+constexpr heddle_shader kCanvasShaders[] = {compute_shader("paint", "paint", "paint.comp.glsl"),
+                                            compute_shader("canvas", "show", "canvas.comp.glsl")};
+struct Canvas {
+  std::uint32_t width = 2;
+  heddle_status declare(const PassHost& host) const {
+    heddle_shape shape{};
+    shape.width = width;
+    return host.set_shape("canvas", shape);
+  }
+  heddle_status migrate(const PassHost& host, const heddle_migration& migration) const {
+    VkImageCopy region{};
+    region.srcSubresource = region.dstSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
+    region.extent = {migration.old_shape->width, migration.old_shape->height, 1};
+    host.raw()->vulkan->CmdCopyImage(migration.commands, migration.old_image, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL,
+                                     migration.new_image, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &region);
+    return HEDDLE_OK;
+  }
+  heddle_status record(const Frame& frame) {
+    if (frame.stage() == 1) return frame.dispatch_over("canvas", "color");
+    const auto index = static_cast<std::uint32_t>(frame.info().index);
+    if (index + 1 == width) {
+      width += 3;
+      frame.host().request_redeclare();
+    }
+    return frame.dispatch_over("paint", "canvas", index);
+  }
+};
+
+/// Empties the list itself, and tells nobody.
+struct Forgets : Growing {
+  using Growing::Growing;
+  heddle_status record(const Frame& frame) const {
+    frame.vulkan().CmdFillBuffer(frame.command_buffer(), frame.buffer("pixels"), 0, 16, 0);
+    return frame.dispatch_over("find", "color");
+  }
+};
+/// Appends twice; nothing says that the second is done after the first.
+struct Twice : Growing {
+  using Growing::Growing;
+  heddle_status record(const Frame& frame) const {
+    if (const heddle_status status = frame.dispatch_over("find", "color"); status != HEDDLE_OK) return status;
+    return frame.dispatch_over("find", "color");
+  }
+};
+/// Dispatches over a list that its stage does not declare.
+struct Undeclared {
+  heddle_status record(const Frame& frame) const { return frame.dispatch_over_list("clear", "pixels"); }
+};
+
+template <typename Pass, std::size_t kPorts, std::size_t kStages, std::size_t kShaders>
+constexpr heddle_technique make(const char* id, const char* title, const heddle_port (&ports)[kPorts],
+                                const heddle_stage (&stages)[kStages], const heddle_shader (&shaders)[kShaders]) {
+  heddle_technique t = technique<Pass>(id, title, "definition");
+  t.ports = list(ports, t.port_count);
+  t.parameters = list(kParameters, t.parameter_count);
+  t.stages = list(stages, t.stage_count);
+  t.shaders = list(shaders, t.shader_count);
+  return t;
+}
+constexpr heddle_technique kFindTechnique =
+    make<Find>("lists/find", "Lists pixels", kFindPorts, kFindStages, kFindShaders);
+constexpr heddle_technique kMoreTechnique =
+    make<More>("lists/more", "Lists more pixels", kMorePorts, kFindStages, kFindShaders);
+constexpr heddle_technique kShadeTechnique =
+    make<Shade>("lists/shade", "Shades listed pixels", kShadePorts, kShadeStages, kShadeShaders);
+constexpr heddle_technique kOrderTechnique =
+    make<Order>("lists/order", "Shows the order of a list", kShadePorts, kOrderStages, kOrderShaders);
+constexpr heddle_technique kLateTechnique =
+    make<Late>("lists/late", "Reads a list a frame later", kLatePorts, kLateStages, kLateShaders);
+constexpr heddle_technique kCollectTechnique =
+    make<Collect>("lists/collect", "Collects over frames", kCollectPorts, kCollectStages, kCollectShaders);
+constexpr heddle_technique kCanvasTechnique =
+    make<Canvas>("lists/canvas", "A canvas that grows", kCanvasPorts, kCanvasStages, kCanvasShaders);
+constexpr heddle_technique kForgetsTechnique =
+    make<Forgets>("lists/forgets", "Empties a list behind the host's back", kFindPorts, kFindStages, kFindShaders);
+constexpr heddle_technique kTwiceTechnique =
+    make<Twice>("lists/twice", "No barrier between two dispatches that append", kFindPorts, kFindStages, kFindShaders);
+constexpr heddle_stage kUndeclaredStages[] = {gpu_stage("clear", kClear)};
+constexpr heddle_shader kUndeclaredShaders[] = {compute_shader("clear", "clear", "clear.comp.glsl")};
+constexpr heddle_technique kUndeclaredTechnique = make<Undeclared>(
+    "lists/undeclared", "Dispatches over what it does not declare", kShadePorts, kUndeclaredStages, kUndeclaredShaders);
+
+}  // namespace
+
+HEDDLE_PLUGIN(kFindTechnique, kMoreTechnique, kShadeTechnique, kOrderTechnique, kLateTechnique, kCollectTechnique,
+              kCanvasTechnique, kForgetsTechnique, kTwiceTechnique, kUndeclaredTechnique)
