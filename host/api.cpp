@@ -27,6 +27,9 @@ using heddle::write_json;
 
 namespace {
 
+/// Of all artifacts in the cache: hundreds of environments, a small part of a disk.
+constexpr std::uint64_t kMostArtifactBytes = std::uint64_t{4} << 30U;
+
 /// Message of a heddle_create that failed: there is no host to ask then.
 thread_local std::string create_error;
 
@@ -230,7 +233,9 @@ heddle_status heddle_create(const heddle_host_options* options, heddle_host** ou
     const std::filesystem::path cache = chosen.cache_path != nullptr ? chosen.cache_path : default_cache_folder();
     host->services = std::make_unique<heddle::graph::HostServices>(heddle::graph::HostServices{
         *host->registry, [raw = host.get()]() -> heddle::vulkan::Device& { return raw->open_device(); }, cache,
-        host->log, &host->is_cancelled, host->progress});
+        host->log, &host->is_cancelled, host->progress,
+        heddle::graph::ArtifactCache(cache.empty() ? cache : cache / "artifacts", kMostArtifactBytes),
+        (chosen.flags & HEDDLE_HOST_REMAKE) != 0});
     *out = host.release();
   });
 }
@@ -593,6 +598,15 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
                     {"pipelines_made", stats.plan.pipelines_made},
                     {"pipelines_kept", stats.plan.pipelines_kept},
                     {"wall_ms", stats.plan.wall_ms}};
+    json["artifacts"] = Json::array();
+    for (const auto& use : stats.artifacts) {
+      json["artifacts"].push_back({{"pass", use.pass},
+                                   {"stage", use.stage},
+                                   {"origin", use.is_reused ? "cache" : "made"},
+                                   {"key", use.key},
+                                   {"file", use.file},
+                                   {"bytes", use.bytes}});
+    }
     json["libraries"] = stats.libraries;
     if (graph->host->device) json["device"] = device_json(graph->host->device->info());
     graph->stats = write_json(json, 2);

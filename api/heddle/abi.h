@@ -40,5 +40,6 @@ typedef int32_t heddle_status;
 #define HEDDLE_UNSUPPORTED 3 /* right, but not on this device, driver or build */
 #define HEDDLE_FAILED 4      /* circumstances: no memory, no space, device lost, library missing */
 #define HEDDLE_BUG 5         /* a contract of these headers was broken by the caller or by a plugin */
+#define HEDDLE_CANCELLED 6   /* heddle_cancel asked for it; the command then exits with 130 */
 
 #endif

@@ -18,9 +18,6 @@ typedef struct heddle_host heddle_host;
 typedef struct heddle_scene heddle_scene;
 typedef struct heddle_graph heddle_graph;
 
-/* Beside the statuses of abi.h: heddle_cancel asked for it. The command then exits with 130. */
-#define HEDDLE_CANCELLED 6
-
 /* ---- Host --------------------------------------------------------------------------------------------------------- */
 #define HEDDLE_HOST_VALIDATION 1u /* Vulkan validation layer, with synchronization checks; its messages become errors */
 /* Each frame is proven: every read-after-write, write-after-read, write-after-write and layout of the commands recorded
@@ -28,13 +25,14 @@ typedef struct heddle_graph heddle_graph;
  * role does not allow it, and for values outside of its role's range. What is found is an error of heddle_render. Slow:
  * for looking. Render three frames, so that what one leaves to the next has come round. */
 #define HEDDLE_HOST_CHECK 2u
+#define HEDDLE_HOST_REMAKE 4u /* artifacts that the cache holds are made again, and replaced */
 
 typedef struct heddle_host_options {
   uint32_t struct_size;
   uint32_t flags;          /* HEDDLE_HOST_* */
   const char* device;      /* part of a device's name, or its index as text; NULL: HEDDLE_DEVICE, else lavapipe, else 0 */
   const char* plugin_path; /* folders with plugins, separated by ':'; NULL: HEDDLE_PLUGIN_PATH, else the library's own */
-  const char* cache_path;  /* compiled shaders; NULL: HEDDLE_CACHE, else ~/.cache/heddle */
+  const char* cache_path;  /* compiled shaders, artifacts; NULL: HEDDLE_CACHE, else ~/.cache/heddle */
   /* Told warnings and information, line by line; NULL: not told. Called on the thread of the call that causes it.
    * [main-thread] */
   void (*log)(void* user, uint32_t severity, const char* text);
@@ -56,7 +54,7 @@ HEDDLE_EXPORT void heddle_destroy(heddle_host* host);
 /* Message of the last call on this host that failed; "" if none. [main-thread] */
 HEDDLE_EXPORT const char* heddle_error(const heddle_host* host);
 /* The heddle_render, heddle_inspect or heddle_graph_check that runs, or else the next one, stops before its next stage or
- * shader and returns HEDDLE_CANCELLED; what the GPU has begun is waited for. What the graph kept of earlier frames is
+ * shader, or where a long stage asks, and returns HEDDLE_CANCELLED; what the GPU has begun is waited for. What the graph kept of earlier frames is
  * lost. Touches one atomic flag: may be called in a signal handler. [any-thread] */
 HEDDLE_EXPORT void heddle_cancel(heddle_host* host);
 /* Techniques and roles, from manifests alone, as JSON: {"roles": [...], "techniques": [...]}. [main-thread] */
@@ -314,7 +312,9 @@ HEDDLE_EXPORT heddle_status heddle_read(heddle_graph* graph, const char* port, u
 HEDDLE_EXPORT heddle_status heddle_read_into(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
                                              float* pixels, uint64_t capacity, heddle_image* out);
 /* Of the last frame: wall time, pass times if profiled, counters of commands and pipelines, instances drawn and culled,
- * capacity, count and overflow of lists, memory with and without aliasing, libraries opened; JSON. [main-thread] */
+ * capacity, count and overflow of lists, memory with and without aliasing, libraries opened. "artifacts": of each stage that
+ * is cached, where what it made last came from, since the graph was loaded: {"pass", "stage", "origin": "made" or "cache", "key",
+ * "file" ("" if it could not be kept), "bytes"}. JSON. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_stats(heddle_graph* graph, const char** out_json);
 
 /* ---- Images ------------------------------------------------------------------------------------------------------- */

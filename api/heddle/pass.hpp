@@ -314,6 +314,12 @@ constexpr heddle_stage late(std::uint32_t latency, heddle_stage s) {
   return s;
 }
 
+/// A cpu stage whose outputs are kept on disk, by its inputs and these parameters, separated by spaces.
+constexpr heddle_stage cached_by(const char* parameters, heddle_stage s) {
+  s.cached_by = parameters;
+  return s;
+}
+
 /// A stage of a loop: HEDDLE_LOOP_BEFORE or HEDDLE_LOOP_AFTER.
 constexpr heddle_stage in_loop(std::uint32_t part, heddle_stage s) {
   s.loop_part = part;
@@ -562,6 +568,8 @@ class Frame {
     out.struct_size = sizeof(heddle_mapped);
     return host_->map(host_, frame_, port_name, &out);
   }
+  /// How much is done, 0 to 1. Other than HEDDLE_OK: return it at once.
+  heddle_status progress(double done) const { return host_->progress(host_, frame_, done); }
   /// *out is the host's, valid until execute returns.
   heddle_status snapshot(const char* port_name, const heddle_snapshot*& out, heddle_alpha_test& out_alpha_test) const {
     return host_->snapshot(host_, frame_, port_name, &out, &out_alpha_test);

@@ -176,6 +176,14 @@ typedef struct heddle_stage {
    * which one it is. Values and surfaces are this frame's. 0: all is this frame's, and the GPU is waited for */
   uint32_t latency;
   uint32_t loop_part; /* HEDDLE_LOOP_*; only techniques with a heddle_loop */
+  /* cpu: what the stage writes is an artifact, which the host keeps on disk: execute is not called where the same was
+   * made before, by whichever process. It is the same where the library's file, the stage, the contents and shapes of the
+   * ports that it declares, and these parameters, separated by spaces, are the same ("": no parameter matters). In execute
+   * all else is HEDDLE_BUG to ask for: other parameters and ports, components, files, services of functions; frame, time,
+   * seed and origins are 0, `cut` is 1, `environment` is unturned, of scale 1 and revision 0. It leaves nothing behind but
+   * its outputs: HOST_WRITE of out ports, whose bytes are 0 before, and out values. No surfaces, no latency, no loop_part.
+   * With HEDDLE_HOST_CHECK it is always called. NULL: not cached */
+  const char* cached_by;
 } heddle_stage;
 #define HEDDLE_MOST_LATENCY 16u
 #define HEDDLE_LOOP_OUTSIDE 0u /* once a frame: before the iterations if it stands before their stages, else after */
@@ -441,6 +449,10 @@ struct heddle_pass_host {
    * prepare. Passes that read what has another shape then are declared again too, all others go on as they are. In
    * counted, activity, record and execute. [record-thread] */
   void (*request_redeclare)(const heddle_pass_host* self);
+  /* ---- long work ---- */
+  /* In execute, from time to time where it takes long: how much of it is done, 0 to 1, for the person at the screen.
+   * Other than HEDDLE_OK: the application wants it to stop, so execute returns that at once. [record-thread] */
+  heddle_status (*progress)(const heddle_pass_host* self, heddle_frame* frame, double done);
 };
 
 /* ---- Technique ---------------------------------------------------------------------------------------------------- */

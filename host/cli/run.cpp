@@ -121,6 +121,12 @@ void render_frames(const RunArguments& arguments, heddle_host* host, heddle_grap
                     loop["done"].get<std::uint32_t>(), loop["total"].get<std::uint32_t>(),
                     is_complete ? "" : "; more --frames go on where nothing changes, as with --time-step 0"));
   }
+  for (const Json& artifact : parsed["artifacts"]) {
+    say(arguments.host,
+        fmt::format("artifact of pass '{}', {}: {}, {:.1f} MiB", artifact["pass"].get<std::string>(),
+                    artifact["stage"].get<std::string>(), artifact["origin"] == "cache" ? "from the cache" : "made",
+                    artifact["bytes"].get<double>() / 1048576.0));
+  }
   say(arguments.host,
       fmt::format("frame {} on {}: {:.1f} ms; transient memory {:.1f} MiB ({:.1f} MiB without aliasing)",
                   arguments.frames, parsed["device"]["name"].get<std::string>(), parsed["wall_ms"].get<double>(),
@@ -189,6 +195,8 @@ void add_run(CLI::App& app, int* exit_status) {
       "--watch", arguments->watch,
       "stay, and render again when a file changes that the picture was made of: graphs, shaders, plugins, "
       "roles, scenes, images; on an error the last good picture stays");
+  command->add_flag("--remake", arguments->host.remake,
+                    "make artifacts again that the cache holds, and replace them; --stats names their files");
   command->add_flag(
       "--check", arguments->host.check,
       "prove that barriers cover every hazard, and search every pass's outputs for NaN, Inf and values out "

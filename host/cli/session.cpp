@@ -91,7 +91,8 @@ void HostArguments::add_to(CLI::App& app) {
 Owned<heddle_host> make_host(const HostArguments& arguments) {
   heddle_host_options options{};
   options.struct_size = sizeof options;
-  options.flags = (arguments.validation ? HEDDLE_HOST_VALIDATION : 0U) | (arguments.check ? HEDDLE_HOST_CHECK : 0U);
+  options.flags = (arguments.validation ? HEDDLE_HOST_VALIDATION : 0U) | (arguments.check ? HEDDLE_HOST_CHECK : 0U) |
+                  (arguments.remake ? HEDDLE_HOST_REMAKE : 0U);
   options.device = arguments.device.empty() ? nullptr : arguments.device.c_str();
   options.plugin_path = arguments.plugin_path.empty() ? nullptr : arguments.plugin_path.c_str();
   options.log = log_to_stderr;

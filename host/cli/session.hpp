@@ -37,6 +37,7 @@ struct HostArguments {
   std::string plugin_path;
   bool validation = false;
   bool check = false;
+  bool remake = false;
   bool quiet = false;
   void add_to(CLI::App& app);
 };

@@ -3,6 +3,7 @@
 // its plugins, and renders frames.
 #pragma once
 
+#include "graph/artifact_cache.hpp"
 #include "graph/stages.hpp"
 #include "json.hpp"
 #include "scene/upload.hpp"
@@ -22,6 +23,8 @@ struct HostServices {
   std::atomic<bool>* is_cancelled = nullptr;  // set by any thread; whoever stops for it clears it
   /// How far something long has come, 0 to 1; throws to end it. May be empty.
   std::function<void(std::string_view, double)> progress;
+  ArtifactCache artifacts{{}, 0};
+  bool remakes_artifacts = false;  // makes them even if the cache has them
 };
 
 /// Of the frame, from its top left.
@@ -45,6 +48,13 @@ struct StageTime {
 struct LoopProgress {
   std::string pass;
   std::uint32_t done = 0, total = 0;  // iterations
+};
+
+/// Where what a cached stage made last came from.
+struct ArtifactUse {
+  std::string pass, stage, key, file;  // file: empty if it could not be kept
+  std::uint64_t bytes = 0;
+  bool is_reused = false;
 };
 
 /// What the last planning of a graph made and what it took over from the plan before.
@@ -72,6 +82,7 @@ struct FrameStats {
   std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;
   std::vector<std::string> libraries;  // open for this graph
   PlanStats plan;
+  std::vector<ArtifactUse> artifacts;  // one for each stage, since the graph was loaded
 };
 
 /// What Executor::check did, when it found nothing.

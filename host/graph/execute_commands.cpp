@@ -8,11 +8,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
 
 namespace heddle::graph {
 
 namespace {
+
+/// Of long stages. Most are done before they are told of at all.
+constexpr std::chrono::seconds kTellEvery{2};
 
 PassState& state_of(const heddle_pass_host* self) {
   return *static_cast<PassState*>(self->host);
@@ -57,6 +61,25 @@ heddle_status wrong(const PassState& pass, std::string message) {
   return HEDDLE_BUG;
 }
 
+/// True where a cached stage may ask for it, and of what is no such stage. Else told as a mistake: what was kept could
+/// be stale.
+bool is_in_key(const PassState& pass, bool is_declared, std::string_view what) {
+  if (pass.cached_stage == nullptr || is_declared) return true;
+  wrong(pass, fmt::format("stage '{}' is cached and asks for {}, which its key does not hold", pass.cached_stage->name,
+                          what));
+  return false;
+}
+
+bool is_cached_by(const PassState& pass, std::string_view parameter) {
+  return pass.cached_stage != nullptr &&
+         std::ranges::find(*pass.cached_stage->cached_by, parameter) != pass.cached_stage->cached_by->end();
+}
+
+bool is_of_cached_stage(const PassState& pass, std::string_view port) {
+  return pass.cached_stage != nullptr &&
+         std::ranges::find(pass.cached_stage->accesses, port, &Access::port) != pass.cached_stage->accesses.end();
+}
+
 void report(const heddle_pass_host* self, std::uint32_t severity, const char* text) {
   say(state_of(self), static_cast<Severity>(std::min(severity, HEDDLE_SEVERITY_INFO)), text);
 }
@@ -65,6 +88,7 @@ std::uint32_t parameter(const heddle_pass_host* self, const char* name, double o
   const PassState& pass = state_of(self);
   const Executor::State& executor = executor_of(pass);
   const Technique& technique = executor.technique_of(pass);
+  if (!is_in_key(pass, is_cached_by(pass, name), fmt::format("parameter '{}'", name))) return 0;
   for (std::size_t i = 0; i < technique.parameters.size(); ++i) {
     if (technique.parameters[i].name != name) continue;
     const std::uint32_t components = technique.parameters[i].components();
@@ -78,6 +102,7 @@ heddle_status component_table(const heddle_pass_host* self, heddle_frame*, const
                               heddle_component_table* out) {
   PassState& pass = state_of(self);
   Executor::State& executor = executor_of(pass);
+  if (!is_in_key(pass, false, fmt::format("the component '{}'", name))) return HEDDLE_BUG;
   const std::vector<std::string>& named = executor.technique_of(pass).components;
   if (std::find(named.begin(), named.end(), name) == named.end()) {
     return wrong(pass,
@@ -142,6 +167,7 @@ heddle_status shape(const heddle_pass_host* self, const char* port, heddle_shape
   if (executor.technique_of(pass).find_port(port) == nullptr) {
     return wrong(pass, fmt::format("asks for the shape of an unknown port '{}'", port));
   }
+  if (!is_in_key(pass, is_of_cached_stage(pass, port), fmt::format("the shape of port '{}'", port))) return HEDDLE_BUG;
   heddle_shape filled{};
   fill_shape(executor, executor.pass_of(pass), port, filled);
   const std::uint32_t size = std::min(out->struct_size, filled.struct_size);
@@ -188,6 +214,7 @@ void request_redeclare(const heddle_pass_host* self) {
 
 const void* function_service(const heddle_pass_host* self, const char* role) {
   const PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, fmt::format("the service of role '{}'", role))) return nullptr;
   const Executor::State& executor = executor_of(pass);
   for (const FunctionBinding& binding : executor.pass_of(pass).functions) {
     if (binding.role != role || binding.providers.empty()) continue;
@@ -205,16 +232,15 @@ const void* value(const heddle_pass_host* self, heddle_frame*, const char* port,
   const PassState& pass = state_of(self);
   Executor::State& executor = executor_of(pass);
   const Pass& declared = executor.pass_of(pass);
+  *out_bytes = 0;
+  if (!is_in_key(pass, is_of_cached_stage(pass, port), fmt::format("value '{}'", port))) return nullptr;
   // An inout value is read as it was before this pass, until the pass has set its own.
   ResourceIndex resource = kNoIndex;
   if (const auto made = declared.ports.find(port); made != declared.ports.end()) resource = made->second;
   if (const auto source = declared.inout_sources.find(port); source != declared.inout_sources.end()) {
     resource = source->second;
   }
-  if (resource == kNoIndex) {
-    *out_bytes = 0;
-    return nullptr;
-  }
+  if (resource == kNoIndex) return nullptr;
   const Value& stored = executor.resources[resource].value;
   *out_bytes = stored.bytes.size();
   return stored.bytes.data();
@@ -230,6 +256,7 @@ heddle_status set_value(const heddle_pass_host* self, heddle_frame*, const char*
     if (own == nullptr || own->direction == Direction::kIn || own->type != PortType::kValue) {
       return wrong(pass, fmt::format("sets '{}', which is none of its out values", port));
     }
+    if (!is_in_key(pass, is_of_cached_stage(pass, port), fmt::format("value '{}'", port))) return HEDDLE_BUG;
     executor.set_value(declared.ports.at(port), {static_cast<const std::byte*>(data), bytes});
     return HEDDLE_OK;
   });
@@ -509,6 +536,7 @@ std::uint32_t text(const heddle_pass_host* self, const char* name, std::uint32_t
 
 const char* resolve_path(const heddle_pass_host* self, const char* path) {
   PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, fmt::format("the file '{}'", path))) return "";
   pass.resolved_path = (executor_of(pass).graph.folder / path).lexically_normal().string();
   return pass.resolved_path.c_str();
 }
@@ -528,6 +556,27 @@ heddle_status set_text(const heddle_pass_host* self, const char* name, const cha
     } else {
       pass.texts[include] = glsl;
     }
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status progress(const heddle_pass_host* self, heddle_frame* frame, double done) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    const Executor::State& executor = executor_of(pass);
+    if (executor.services.is_cancelled != nullptr && executor.services.is_cancelled->load()) return HEDDLE_CANCELLED;
+    const Pass& declared = executor.pass_of(pass);
+    const std::string& stage = executor.technique_of(pass).stages[frame->stage->stage].name;
+    done = std::clamp(done, 0.0, 1.0);
+    if (executor.services.progress) {
+      executor.services.progress(fmt::format("stage '{}' of pass '{}'", stage, declared.name), done);
+    }
+    const auto now = std::chrono::steady_clock::now();
+    if (now - frame->told < kTellEvery) return HEDDLE_OK;
+    frame->told = now;
+    say(pass, Severity::kInfo,
+        fmt::format("stage '{}': {:.0f} % after {:.0f} s", stage, 100.0 * done,
+                    std::chrono::duration<double>(now - frame->began).count()));
     return HEDDLE_OK;
   });
 }
@@ -571,6 +620,7 @@ void fill_pass_host(PassState& pass, const heddle_vulkan& table) {
   api.set_capacity = set_capacity;
   api.dispatch_over_list = dispatch_over_list;
   api.request_redeclare = request_redeclare;
+  api.progress = progress;
 }
 
 heddle_shape shape_of(const Resource& resource) {

@@ -413,10 +413,7 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     else
       device->note_host_read(mapping.staging);
   }
-  if (state.descriptor->execute != nullptr) {
-    throw_if_failed(state, state.descriptor->execute(state.object, &state.api, scheduled.stage, &frame, &info),
-                    "execute");
-  }
+  execute_stage(state, scheduled, frame);
   for (heddle_frame::Mapping& mapping : frame.mappings) {
     if (mapping.is_written) {
       const ResourceIndex written = pass.ports.find(mapping.port)->second;

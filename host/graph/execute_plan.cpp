@@ -50,10 +50,6 @@ void copy_shape(Resource& to, const Resource& from) {
   to.element_bytes = from.element_bytes;
 }
 
-bool is_environment(const Resource& resource) {
-  return resource.producer == kNoIndex && resource.port == "environment";
-}
-
 std::array<std::uint32_t, 2> environment_extent(const scene::Scene& scene) {
   if (!scene.environment) return {0, 0};
   return {scene.environment->record.width, scene.environment->record.height};
@@ -64,6 +60,10 @@ constexpr VkBufferUsageFlags kPortBufferUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_B
                                                 VK_BUFFER_USAGE_TRANSFER_DST_BIT;
 
 }  // namespace
+
+bool is_environment(const Resource& resource) {
+  return resource.producer == kNoIndex && resource.port == "environment";
+}
 
 /// Whether contents outlast the frame; those of a history do because those of its newest version do.
 bool Executor::State::is_any_version_kept(ResourceIndex first) const {

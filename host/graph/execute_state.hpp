@@ -5,6 +5,7 @@
 #include "graph/execute.hpp"
 
 #include <algorithm>
+#include <chrono>
 #include <set>
 
 namespace heddle::graph {
@@ -69,6 +70,7 @@ struct PassState {
   bool is_adopted = false;       // the object of an earlier plan
   bool is_redeclared = false;    // and while it is planned: declared and prepared again
   bool wants_redeclare = false;  // asked for it; due before the next frame
+  const Stage* cached_stage = nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
   vulkan::GeneratedTexts texts;
   std::string resolved_path;  // the last answer of resolve_path
   std::map<std::string, ShaderState, std::less<>> shaders;
@@ -95,6 +97,7 @@ struct heddle_frame {
     std::vector<std::byte> zeros;  // `late` when nothing has arrived
   };
   std::vector<Mapping> mappings;
+  std::chrono::steady_clock::time_point began, told;  // execute, and when the person at the screen was last told of it
 };
 
 namespace heddle::graph {
@@ -258,6 +261,11 @@ struct Executor::State {
   [[nodiscard]] bool is_still(const scene::Scene& scene, const FrameOptions& options);
   void begin_frame_memory();
   void run_cpu_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
+  void execute_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
+  void call_execute(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const heddle_frame_info& seen);
+  std::string artifact_key(const PassState& pass, const ScheduledStage& stage, const heddle_frame& frame);
+  bool take_artifact(const ArtifactParts& parts, PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
+  ArtifactViews made_parts(const PassState& pass, const ScheduledStage& stage, const heddle_frame& frame);
   void write_neutral(PassState& pass, const ScheduledStage& stage);
   void clear_image(ResourceState& state, const Resource& resource, const std::array<double, 4>& value);
   VkDescriptorSet allocate_set(VkDescriptorSetLayout layout);
@@ -366,6 +374,8 @@ Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout t
 void show_copies_to_host(const heddle_vulkan& vk, VkCommandBuffer commands);
 /// A resource's shape as plugins see it, bound.
 heddle_shape shape_of(const Resource& resource);
+/// The scene's environment.
+bool is_environment(const Resource& resource);
 
 /// Fills the C functions of a pass's host side.
 void fill_pass_host(PassState& pass, const heddle_vulkan& table);

@@ -126,6 +126,19 @@ std::string waiting_text(const ResolvedGraph& graph, const ScheduledStage& sched
   return {};
 }
 
+/// What the artifact of a cached stage depends on.
+std::string cached_text(const ResolvedGraph& graph, const ScheduledStage& scheduled) {
+  const Technique& technique = *graph.passes[scheduled.pass].entry.technique;
+  const Stage& stage = technique.stages[scheduled.stage];
+  if (!stage.cached_by) return {};
+  std::vector<std::string> causes;
+  for (const Access& access : stage.accesses)
+    if (technique.find_port(access.port)->direction == Direction::kIn) causes.push_back(access.port);
+  causes.insert(causes.end(), stage.cached_by->begin(), stage.cached_by->end());
+  return fmt::format("   an artifact, kept on disk by {}",
+                     causes.empty() ? "nothing but its code" : fmt::format("{}", fmt::join(causes, ", ")));
+}
+
 /// Lines before a stage where loops begin or have ended.
 std::string loop_text(const ResolvedGraph& graph, const Order& order, std::uint32_t stage) {
   std::string text;
@@ -312,7 +325,7 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
     const ScheduledStage& scheduled = order.stages[s];
     text += loop_text(graph, order, s);
     text += fmt::format("  {:>3}  {} {}{}\n", s + 1, scheduled.kind == StageKind::kGpu ? "gpu" : "cpu",
-                        stage_text(graph, scheduled), waiting_text(graph, scheduled));
+                        stage_text(graph, scheduled), waiting_text(graph, scheduled) + cached_text(graph, scheduled));
     rows.clear();
     for (const auto& use : scheduled.uses)
       rows.push_back({"      ",
@@ -407,6 +420,8 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
                {"splits_submission", scheduled.splits_submission},
                {"latency", graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].latency},
                {"is_read_back", scheduled.is_read_back}};
+    const auto& cached_by = graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].cached_by;
+    entry["cached_by"] = cached_by ? Json(*cached_by) : Json();
     entry["uses"] = Json::array();
     for (const auto& use : scheduled.uses)
       entry["uses"].push_back({{"resource", graph.resources[use.resource].name},

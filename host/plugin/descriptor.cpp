@@ -226,6 +226,7 @@ class DescriptorReader {
     stage.accesses = read_accesses(source.accesses, source.access_count);
     stage.latency = source.latency;
     stage.loop_part = source.loop_part;
+    if (source.cached_by != nullptr) stage.cached_by = split_words(optional_text(source.cached_by, "cached_by"));
     return stage;
   }
 

@@ -9,10 +9,13 @@
 #include <algorithm>
 #include <fstream>
 #include <set>
+#include <span>
+#include <sstream>
 #include <utility>
 
 #include <fmt/format.h>
 
+#include "content_hash.hpp"
 #include "diagnostics.hpp"
 #include "plugin/registry.hpp"
 #include "plugin/technique_json.hpp"
@@ -85,6 +88,15 @@ class PrivateCopy {
   std::string path_;
 };
 
+std::string hash_of_file(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  std::ostringstream text;
+  text << stream.rdbuf();
+  ContentHash hash;
+  hash.add_long(std::as_bytes(std::span(text.view())));
+  return hash.hexadecimal();
+}
+
 // "ports/1/help" and the two values there, for the first place in which two documents differ.
 struct Difference {
   std::string path, manifest, library;
@@ -129,7 +141,7 @@ void compare(const Manifest& manifest, const std::vector<Technique>& techniques)
 
 struct Library::State {
   fs::path file;
-  std::string copy;
+  std::string copy, content_hash;
   void* handle = nullptr;
   std::set<std::string> before;  // libraries that were loaded when this plugin was not
   const heddle_plugin* plugin = nullptr;
@@ -183,11 +195,19 @@ Library::Library(const Manifest& manifest) : state_(std::make_unique<State>()) {
     throw failure(manifest.library, HEDDLE_BUG, "this library exports no heddle_entry", {}, {},
                   "build plugins with heddle_plugin() of plugins/heddle_plugin.cmake");
   }
+  const auto is_cached = [](const Stage& stage) { return stage.cached_by.has_value(); };
+  if (std::ranges::any_of(manifest.techniques,
+                          [&](const Technique& technique) { return std::ranges::any_of(technique.stages, is_cached); }))
+    state.content_hash = hash_of_file(copy.path());
   state.plugin = entry();
   compare(manifest, from_plugin(state.plugin, manifest.library.string()));
 }
 
 Library::~Library() = default;
+
+const std::string& Library::content_hash() const {
+  return state_->content_hash;
+}
 
 const heddle_technique& Library::descriptor(std::string_view technique_id) const {
   for (std::uint32_t i = 0; i < state_->plugin->technique_count; ++i) {

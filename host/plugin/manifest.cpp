@@ -107,7 +107,8 @@ Json stage_to_json(const Stage& stage) {
           {"kind", word_to_json(stage.kind, kStageKinds)},
           {"accesses", accesses_to_json(stage.accesses)},
           {"latency", stage.latency},
-          {"loop_part", word_to_json(stage.loop_part, kLoopParts)}};
+          {"loop_part", word_to_json(stage.loop_part, kLoopParts)},
+          {"cached_by", stage.cached_by ? Json(*stage.cached_by) : Json()}};
 }
 
 Json shader_to_json(const Shader& shader) {
@@ -306,13 +307,14 @@ std::vector<Access> read_accesses(const Node& node) {
 }
 
 Stage read_stage(const Node& node) {
-  node.only({"name", "kind", "accesses", "latency", "loop_part"});
+  node.only({"name", "kind", "accesses", "latency", "loop_part", "cached_by"});
   Stage stage;
   node.at("name").read(stage.name);
   node.at("kind").read_word(stage.kind, kStageKinds);
   stage.accesses = read_accesses(node.at("accesses"));
   node.at("latency").read(stage.latency);
   node.at("loop_part").read_word(stage.loop_part, kLoopParts);
+  if (const Node cached_by = node.at("cached_by"); !cached_by.is_null()) cached_by.read(stage.cached_by.emplace());
   return stage;
 }
 

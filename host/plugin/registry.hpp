@@ -20,6 +20,8 @@ class Library {
   Library(const Library&) = delete;
   Library& operator=(const Library&) = delete;
   [[nodiscard]] const heddle_technique& descriptor(std::string_view technique_id) const;
+  /// Of the file that was opened: another build, another hash. Empty where no technique has a cached stage.
+  [[nodiscard]] const std::string& content_hash() const;
 
  private:
   struct State;

@@ -304,6 +304,34 @@ class Rules {
       }
     }
     check_latency(stage, what);
+    if (stage.cached_by) check_cached(stage, what);
+  }
+
+  // What is kept on disk depends on nothing that its key lacks, and is all that the stage does.
+  void check_cached(const Stage& stage, const std::string& what) {
+    if (stage.kind != StageKind::kCpu || stage.latency > 0 || stage.loop_part != HEDDLE_LOOP_OUTSIDE) {
+      complain(what + ": cached_by has no meaning here", {}, "a cpu stage without latency, in no part of a loop");
+    }
+    std::set<std::string> taken;
+    for (const std::string& parameter : *stage.cached_by) {
+      if (technique_.find_parameter(parameter) == nullptr || !taken.insert(parameter).second) {
+        complain(what + ": cached_by names no parameter, or one twice", fmt::format("\"{}\"", parameter));
+      }
+    }
+    bool makes_something = false;
+    for (const Access& access : stage.accesses) {
+      const Port* port = technique_.find_port(access.port);
+      if (port == nullptr) continue;
+      const bool is_out = port->direction == Direction::kOut;
+      makes_something = makes_something || is_out;
+      const bool is_right = port->type != PortType::kSurfaces && port->direction != Direction::kInout &&
+                            (access.access != HEDDLE_ACCESS_HOST_READ || !is_out);
+      if (!is_right) {
+        complain(fmt::format("{}: it is cached, and '{}' cannot be part of that", what, access.port), {},
+                 "inputs that are no surfaces, and outputs that it only writes");
+      }
+    }
+    if (!makes_something) complain(what + ": it is cached, and has no output");
   }
 
   void check_latency(const Stage& stage, const std::string& what) {

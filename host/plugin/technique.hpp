@@ -140,8 +140,9 @@ struct Stage {
   std::string name;
   StageKind kind = StageKind::kGpu;
   std::vector<Access> accesses;
-  std::uint32_t latency = 0;    // frames; cpu stages
-  std::uint32_t loop_part = 0;  // HEDDLE_LOOP_*
+  std::uint32_t latency = 0;                          // frames; cpu stages
+  std::uint32_t loop_part = 0;                        // HEDDLE_LOOP_*
+  std::optional<std::vector<std::string>> cached_by;  // parameters; cpu stages whose outputs are kept on disk
   /// True for an access that reads what the GPU made some frames ago.
   [[nodiscard]] bool is_late(const Access& access, PortType type) const {
     return latency > 0 && access.access == HEDDLE_ACCESS_HOST_READ &&

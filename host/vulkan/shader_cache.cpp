@@ -134,27 +134,6 @@ fs::path entry_file(const fs::path& folder, const std::string& key) {
 
 }  // namespace
 
-void ContentHash::add(std::string_view bytes) {
-  // FNV-1a with 128 bits: the prime is 2^88 + 0x13b. Source: Fowler, Noll, Vo, "The FNV hash algorithm".
-  const auto mix = [&](unsigned char byte) {
-    low_ ^= byte;
-    constexpr std::uint64_t kPrimeLow = 0x13b;
-    // low * 0x13b as 128 bits from halves of 32.
-    const std::uint64_t part_low = (low_ & 0xffffffffULL) * kPrimeLow;
-    const std::uint64_t part_high = (low_ >> 32U) * kPrimeLow + (part_low >> 32U);
-    const std::uint64_t carry = part_high >> 32U;
-    high_ = high_ * kPrimeLow + carry + (low_ << 24U);
-    low_ = (part_high << 32U) | (part_low & 0xffffffffULL);
-  };
-  const std::uint64_t size = bytes.size();
-  for (unsigned shift = 0; shift < 64; shift += 8) mix(static_cast<unsigned char>(size >> shift));
-  for (const char c : bytes) mix(static_cast<unsigned char>(c));
-}
-
-std::string ContentHash::hexadecimal() const {
-  return fmt::format("{:016x}{:016x}", high_, low_);
-}
-
 std::optional<CompiledShader> read_cache(const fs::path& folder, const std::string& key) {
   if (folder.empty()) return std::nullopt;
   const std::optional<std::string> file = read_file(entry_file(folder, key));

@@ -3,6 +3,7 @@
 // every generated text, and the files that includes find. Internal to the shader sources of this folder.
 #pragma once
 
+#include "content_hash.hpp"
 #include "vulkan/shader.hpp"
 #include "vulkan/shader_text.hpp"
 
@@ -111,15 +112,6 @@ inline constexpr std::string_view kMainName = "main";
 
 // ---- shader_cache.cpp ----
 
-/// 32 hexadecimal digits of FNV-1a with 128 bits.
-class ContentHash {
- public:
-  void add(std::string_view bytes);  // its length goes in as well
-  [[nodiscard]] std::string hexadecimal() const;
-
- private:
-  std::uint64_t high_ = 0x6c62272e07bb0142ULL, low_ = 0x62b821756295c58dULL;
-};
 /// Nothing if there is no entry, or if it is damaged.
 std::optional<CompiledShader> read_cache(const std::filesystem::path& folder, const std::string& key);
 /// Written under a temporary name and renamed. Says in words what went wrong, or nothing.

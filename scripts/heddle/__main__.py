@@ -116,7 +116,10 @@ _is_asked = False
 
 def open_host(arguments: argparse.Namespace, check: bool = False) -> Host:
     global _host
-    _host = Host(arguments.device, arguments.validation, arguments.plugins, check=check)
+    # As the command does: information too, such as how far long work has come.
+    log = None if arguments.quiet else lambda _severity, text: print(text, file=sys.stderr)
+    _host = Host(arguments.device, arguments.validation, arguments.plugins, log=log, check=check,
+                 remake=getattr(arguments, "remake", False))
     return _host
 
 
@@ -516,6 +519,7 @@ def main() -> int:
             command.add_argument("--profile", action="store_true")
             command.add_argument("--watch", action="store_true",
                                  help="stay, and render again when a file changes that the picture was made of")
+            command.add_argument("--remake", action="store_true", help="make artifacts that the cache holds again")
             command.add_argument("--check", action="store_true",
                                  help="prove barriers and search outputs for NaN, Inf and values out of range")
         elif name == "check":

@@ -126,6 +126,7 @@ class Host(_Object):
     check:       prove of each frame that barriers cover every hazard, and search what passes make for NaN, Inf and values
                  out of their role's range; what is found raises Error. Slow. Render three frames
     plugin_path: folders separated by ':'; None: the library's own
+    remake:      make artifacts that the cache holds again, and replace them
     log:         called with (severity 0 error, 1 warning, 2 information; text); None: warnings go to stderr
     progress:    called with (what the host is at, how much of that is done, 0..1) while it loads, plans and renders; what
                  it raises, an interrupt from the keyboard too, ends the call, leaves everything as before, and is raised
@@ -137,11 +138,12 @@ class Host(_Object):
 
     def __init__(self, device: str | None = None, validation: bool = False, plugin_path: str | None = None,
                  log: Callable[[int, str], None] | None = None, check: bool = False,
-                 progress: Callable[[str, float], object] | None = None):
+                 progress: Callable[[str, float], object] | None = None, remake: bool = False):
         self._raised: BaseException | None = None
         say = log if log is not None else _log_to_stderr
         self._log = c.LogFunction(lambda _user, severity, text: say(severity, text.decode()))
         flags = (c.HOST_VALIDATION if validation else 0) | (c.HOST_CHECK if check else 0)
+        flags |= c.HOST_REMAKE if remake else 0
         tell: Any = c.ProgressFunction
         self._progress = tell(self._tell(progress)) if progress is not None else tell()
         options = c.HostOptions(ctypes.sizeof(c.HostOptions), flags, _encode(device), _encode(plugin_path), None,

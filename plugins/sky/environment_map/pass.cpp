@@ -44,6 +44,10 @@ constexpr heddle_parameter kParameters[] = {
          kBrightestLadder),
 };
 
+// Of the time that `integrate` takes with the defaults on one machine, roughly: importance tables and the cube; the
+// rest follows.
+constexpr double kImportanceShare = 0.05, kCubeShare = 0.6;
+
 constexpr VkFormat kRgba = VK_FORMAT_R32G32B32A32_SFLOAT;
 constexpr std::uint32_t kIrradianceSize = 32;    // the cosine lobe is far wider than its texels
 constexpr std::uint32_t kIrradianceSource = 32;  // the same, for what it sums
@@ -69,8 +73,9 @@ constexpr heddle_port kPorts[] = {
               "vec4 environment_from_scene[3]; float environment_scale;"),
 };
 
-constexpr heddle_access kLoadAccesses[] = {
-    value("environment"),     host_write("background"),      host_write("mean_radiance"),      host_write("brightest"),
+constexpr heddle_access kPadAccesses[] = {value("environment"), host_write("background")};
+constexpr heddle_access kIntegrateAccesses[] = {
+    value("environment"),     host_write("mean_radiance"),   host_write("brightest"),
     host_write("irradiance"), host_write("importance_rows"), host_write("importance_columns"),
 };
 constexpr heddle_access kFilterAccesses[] = {sampled_linear("mean_radiance"), storage_read("brightest"),
@@ -79,9 +84,10 @@ constexpr heddle_access kPlaceAccesses[] = {value("environment"), value("placeme
 constexpr heddle_access kFunctionAccesses[] = {sampled_linear("background"), sampled_linear("specular"),
                                                sampled_linear("irradiance"), value("placement")};
 
-enum : std::uint32_t { kLoad, kFilter, kPlace };
+enum : std::uint32_t { kPad, kIntegrate, kFilter, kPlace, kStageCount };
 constexpr heddle_stage kStages[] = {
-    cpu_stage("load", kLoadAccesses),
+    cpu_stage("pad", kPadAccesses),
+    cached_by("resolution levels brightest", cpu_stage("integrate", kIntegrateAccesses)),
     gpu_stage("filter", kFilterAccesses),
     cpu_stage("place", kPlaceAccesses),
 };
@@ -139,46 +145,60 @@ class EnvironmentMap {
   }
 
   heddle_status prepare(const PassHost&) {
-    loaded_ = filtered_ = 0;
+    made_from_ = {};
     return HEDDLE_OK;
   }
 
-  std::uint32_t activity(const Frame& frame) const {
+  std::uint32_t activity(const Frame& frame) {
     if (frame.stage() == kPlace) return HEDDLE_RUN;
     const HeddleEnvironment* environment = environment_of(frame);
-    const std::uint32_t made_from = frame.stage() == kLoad ? loaded_ : filtered_;
-    return environment != nullptr && environment->revision == made_from ? HEDDLE_KEEP : HEDDLE_RUN;
+    std::uint32_t& made_from = made_from_[frame.stage()];
+    if (environment == nullptr || environment->revision == made_from) {
+      return environment == nullptr ? HEDDLE_RUN : HEDDLE_KEEP;
+    }
+    made_from = environment->revision;  // here, because an artifact comes without a call of execute
+    return HEDDLE_RUN;
   }
 
   heddle_status execute(const Frame& frame) {
     const HeddleEnvironment* environment = environment_of(frame);
     if (environment == nullptr) return frame.host().fail(HEDDLE_BAD_INPUT, "the scene has no environment");
-    return frame.stage() == kLoad ? load(frame, *environment) : place(frame, *environment);
+    if (frame.stage() == kPlace) return place(frame, *environment);
+    const std::size_t count = std::size_t{environment->width} * environment->height * 4;
+    const map::Equirectangular image{
+        environment->width, environment->height, {reinterpret_cast<const float*>(environment + 1), count}};
+    return frame.stage() == kPad ? pad(frame, image) : integrate(frame, image);
   }
 
-  heddle_status record(const Frame& frame) {
-    filtered_ = loaded_;
-    return frame.dispatch_over("filter", "specular");
-  }
+  heddle_status record(const Frame& frame) { return frame.dispatch_over("filter", "specular"); }
 
  private:
-  heddle_status load(const Frame& frame, const HeddleEnvironment& environment) {
-    const std::size_t count = std::size_t{environment.width} * environment.height * 4;
-    const map::Equirectangular image{
-        environment.width, environment.height, {reinterpret_cast<const float*>(&environment + 1), count}};
-    heddle_mapped background{}, mean{}, brightest{}, irradiance{}, rows{}, columns{};
+  static heddle_status pad(const Frame& frame, const map::Equirectangular& image) {
+    heddle_mapped background{};
+    if (const heddle_status status = frame.map("background", background); status != HEDDLE_OK) return status;
+    const std::vector<float> padded = map::pad(image);
+    std::memcpy(background.data, padded.data(), padded.size() * sizeof(float));
+    return HEDDLE_OK;
+  }
+
+  static heddle_status integrate(const Frame& frame, const map::Equirectangular& image) {
+    heddle_mapped mean{}, brightest{}, irradiance{}, rows{}, columns{};
     const std::pair<const char*, heddle_mapped*> ports[] = {
-        {"background", &background}, {"mean_radiance", &mean},   {"brightest", &brightest},
-        {"irradiance", &irradiance}, {"importance_rows", &rows}, {"importance_columns", &columns},
+        {"mean_radiance", &mean},   {"brightest", &brightest},        {"irradiance", &irradiance},
+        {"importance_rows", &rows}, {"importance_columns", &columns},
     };
     for (const auto& [name, mapped] : ports)
       if (const heddle_status status = frame.map(name, *mapped); status != HEDDLE_OK) return status;
 
     const std::vector<float> padded = map::pad(image);
-    std::memcpy(background.data, padded.data(), padded.size() * sizeof(float));
     const map::Padded radiance(padded, image.width, image.height);
+    const map::Importance tables = map::importance(radiance, kImportanceWidth, kImportanceHeight);
+    std::memcpy(rows.data, tables.rows.data(), tables.rows.size() * sizeof(float));
+    std::memcpy(columns.data, tables.columns.data(), tables.columns.size() * sizeof(float));
+    if (const heddle_status status = frame.progress(kImportanceShare); status != HEDDLE_OK) return status;
 
     map::Cube cube = map::cube_from_image(radiance, mean.shape.width);
+    if (const heddle_status status = frame.progress(kImportanceShare + kCubeShare); status != HEDDLE_OK) return status;
     const std::vector<map::Delta> deltas =
         map::take_brightest(cube, static_cast<std::size_t>(frame.host().integer("brightest")));
     write_brightest(deltas, mean.shape.width, static_cast<std::uint32_t>(frame.host().integer("levels")),
@@ -192,12 +212,7 @@ class EnvironmentMap {
         store(map::irradiance(cube, deltas, kIrradianceSize), static_cast<float*>(irradiance.data));
       if (cube.size > 1) cube = map::half(cube);
     }
-
-    const map::Importance tables = map::importance(radiance, kImportanceWidth, kImportanceHeight);
-    std::memcpy(rows.data, tables.rows.data(), tables.rows.size() * sizeof(float));
-    std::memcpy(columns.data, tables.columns.data(), tables.columns.size() * sizeof(float));
-    loaded_ = environment.revision;
-    return HEDDLE_OK;
+    return frame.progress(1.0);
   }
 
   /// Wide lobes need fewer of them.
@@ -238,7 +253,7 @@ class EnvironmentMap {
     return frame.set_value("placement", std::span<const Placement>(&placement, 1));
   }
 
-  std::uint32_t loaded_ = 0, filtered_ = 0;  // revisions; the host counts from 1
+  std::array<std::uint32_t, kStageCount> made_from_{};  // revisions, by stage; the host counts from 1
 };
 
 constexpr heddle_technique kEnvironmentMap = [] {

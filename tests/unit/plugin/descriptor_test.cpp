@@ -386,6 +386,29 @@ TEST(Descriptor, WithALatencyThatMeansNothingIsRefused) {
   EXPECT_EQ(message(reads(17)), refused("fill", "17"));
 }
 
+TEST(Descriptor, OfACachedStageIsRefusedWhereItsKeyWouldLackSomething) {
+  EXPECT_EQ(message([](Example& e) { e.stages[1].cached_by = "radius quality"; }), "no error");
+  EXPECT_EQ(message([](Example& e) { e.stages[1].cached_by = ""; }), "no error");
+  EXPECT_EQ(message([](Example& e) { e.stages[1].cached_by = "radios"; }),
+            told("stage 'fill': cached_by names no parameter, or one twice\n  found:    \"radios\""));
+  EXPECT_EQ(message([](Example& e) { e.stages[1].cached_by = "radius radius"; }),
+            told("stage 'fill': cached_by names no parameter, or one twice\n  found:    \"radius\""));
+  EXPECT_EQ(message([](Example& e) {
+              e.stages[0].cached_by = "";
+              e.stages[0].access_count = 1;
+            }),
+            told("stage 'draw': cached_by has no meaning here\n"
+                 "  expected: a cpu stage without latency, in no part of a loop") +
+                "\n" + told("stage 'draw': it is cached, and has no output"));
+  EXPECT_EQ(message([](Example& e) {
+              e.stages[1].cached_by = "";
+              e.ports[2].direction = HEDDLE_INOUT;
+            }),
+            told("stage 'fill': it is cached, and 'table' cannot be part of that\n"
+                 "  expected: inputs that are no surfaces, and outputs that it only writes") +
+                "\n" + told("stage 'fill': it is cached, and has no output"));
+}
+
 /// A right loop, open to be changed; what broken_rules says of it.
 std::string loop_message(const std::function<void(Technique&)>& change) {
   const auto port_of = [](const char* name, PortType type, Direction direction, std::uint32_t flags = 0) {

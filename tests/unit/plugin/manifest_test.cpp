@@ -165,8 +165,22 @@ TEST(Manifest, OfALoopWithAPastComesBackExactly) {
   EXPECT_EQ(to_json(read), to_json(written));
 }
 
+TEST(Manifest, OfCachedStagesComesBackExactly) {
+  Manifest written = example_manifest();
+  written.techniques[0].stages[1] = {"bake", StageKind::kCpu, {{"table", HEDDLE_ACCESS_HOST_WRITE, 0, {}}}};
+  written.techniques[0].ports[2].direction = Direction::kOut;
+  written.techniques[0].stages[0].accesses.pop_back();
+  for (const std::vector<std::string>& parameters : {std::vector<std::string>{}, {"quality", "radius"}}) {
+    written.techniques[0].stages[1].cached_by = parameters;
+    const Manifest read = manifest_from_json(to_json(written), kFile);
+    EXPECT_TRUE(read.techniques[0] == written.techniques[0]);
+    EXPECT_FALSE(read.techniques[0].stages[0].cached_by);
+    EXPECT_EQ(read.techniques[0].stages[1].cached_by, parameters);
+  }
+}
+
 TEST(Manifest, WithBrokenJsonNamesThePlace) {
-  EXPECT_EQ(message("{\n \"format\": 2,\n \"abi\": [0 1]\n}\n"),
+  EXPECT_EQ(message("{\n \"format\": 3,\n \"abi\": [0 1]\n}\n"),
             kFile.string() +
                 ":3:12: error: manifest: this is no JSON\n"
                 "  help:     manifests are written by heddle-manifest: build the plugin again");

@@ -133,9 +133,9 @@ TEST_F(ShaderCache, MeshProgramIsCachedToo) {
 // the offset basis; add() hashes a length of 8 bytes first, so vectors are made from the definition in Python's
 // integers.
 TEST(ContentHash, IsFnv1aWith128Bits) {
-  shader::ContentHash empty;
+  ContentHash empty;
   EXPECT_EQ(empty.hexadecimal(), "6c62272e07bb014262b821756295c58d");
-  shader::ContentHash hash;
+  ContentHash hash;
   hash.add("heddle");
   EXPECT_EQ(hash.hexadecimal(), "94cd0acdab0024ea82e77382d6bf68af");
 }
