@@ -71,14 +71,14 @@ bool light_is_near(HeddleLight light, vec3 position_rel) {
 
 vec3 cell_axes(HeddleView view, vec3 direction) {
   vec3 v = mat3(view.view_from_rel) * direction;
-  return vec3(v.xy, -v.z);
+  return vec3(v.x, v.y, -v.z);
 }
 
 LightVolume light_volume(HeddleLight light, HeddleView view) {
-  vec3 apex = (view.view_from_rel * vec4(light.position_rel, 1.0)).xyz;
+  vec3 apex = vec3(view.view_from_rel * vec4(light.position_rel, 1.0));
   LightVolume volume;
   volume.kind = kLightReachesRound;
-  volume.apex = vec3(apex.xy, -apex.z);
+  volume.apex = vec3(apex.x, apex.y, -apex.z);
   volume.axis = vec3(0.0, 0.0, 1.0);
   volume.half_segment = vec3(0.0);
   volume.range = light.range > 0.0 ? light.range : kLightUnlimited;
@@ -109,7 +109,7 @@ LightVolume light_volume(HeddleLight light, HeddleView view) {
   if (light.type == HEDDLE_LIGHT_DIRECTIONAL || (is_ball && volume.range >= kLightUnlimited))
     volume.kind = kLightReachesAll;
   if (light_is_dark(light)) volume.kind = kLightReachesNothing;
-  float lengths = length(light.position_rel) + length(view.rel_from_view[3].xyz) + length(volume.apex) +
+  float lengths = length(light.position_rel) + length(vec3(view.rel_from_view[3])) + length(volume.apex) +
                   length(volume.half_segment) + length(light.half_extent);
   if (volume.range < kLightUnlimited) lengths += volume.range;
   volume.slack = kLightVolumeSlack * lengths;
@@ -131,22 +131,22 @@ vec4 light_support(LightVolume volume, vec3 n) {
   float cosine = dot(n, volume.axis);
   if (cosine >= volume.cos_outer) return support + vec4(n, 1.0) * volume.range;  // on the cap
   // On the rim, or the apex itself where the whole cone looks away.
-  float sine = sqrt(max(1.0 - cosine * cosine, 0.0));
+  // Not sqrt(1 - cosine^2): near -1 that is off by 3e-4.
+  vec3 across = n - cosine * volume.axis;
+  float sine = length(across);
   float extent = cosine * volume.cos_outer + sine * volume.sin_outer + 2.0 * kLightCosineSlack;
   if (extent <= 0.0) return support;
-  vec3 across = (n - cosine * volume.axis) / max(sine, 1e-20);
-  return support + vec4(volume.axis * volume.cos_outer + across * volume.sin_outer, extent) * volume.range;
+  vec3 rim = volume.axis * volume.cos_outer + across * (volume.sin_outer / max(sine, 1e-20));
+  return support + vec4(rim, extent) * volume.range;
 }
 
-// True if the body lies wholly on the far side of the plane through the eye (orthographic: along the axis) at `bound` of
-// x or y, `side` 1: below it, -1: above it.
+// True if the body lies wholly on one side of the plane through the eye (orthographic: along the axis) at `bound` of x or
+// y, `side` 1: below it, -1: above it.
 bool light_is_beyond(LightVolume volume, bool is_orthographic, bool is_y, float bound, float side) {
-  vec2 n = vec2(1.0, is_orthographic ? 0.0 : -bound) * side;
+  float tilt = is_orthographic ? 0.0 : bound;
+  vec3 n = (is_y ? vec3(0.0, 1.0, -tilt) : vec3(1.0, 0.0, -tilt)) * (side * inversesqrt(1.0 + tilt * tilt));
   float distance = is_orthographic ? bound * side : 0.0;
-  if (!is_orthographic) n *= inversesqrt(1.0 + bound * bound);
-  vec3 normal = is_y ? vec3(0.0, n) : vec3(n.x, 0.0, n.y);
-  return dot(normal, volume.apex) + light_support(volume, normal).w - distance <
-         -volume.slack * (1.0 + abs(bound));
+  return dot(n, volume.apex) + light_support(volume, n).w - distance < -volume.slack * (1.0 + abs(bound));
 }
 
 // Least and greatest distance along the axis at which there is light.
@@ -158,31 +158,50 @@ vec2 light_depths(LightVolume volume) {
 
 // The cell's farthest point against n.
 vec3 cell_support(FrustumCell cell, vec3 n) {
-  vec2 side = vec2(n.x < 0.0 ? cell.bounds.y : cell.bounds.x, n.y < 0.0 ? cell.bounds.w : cell.bounds.z);
-  float along = cell.is_orthographic ? n.z : dot(n, vec3(side, 1.0));
+  float x = n.x < 0.0 ? cell.bounds.y : cell.bounds.x;
+  float y = n.y < 0.0 ? cell.bounds.w : cell.bounds.z;
+  float along = cell.is_orthographic ? n.z : dot(n, vec3(x, y, 1.0));
   float z = along < 0.0 ? cell.far_distance : cell.near_distance;
-  return vec3(cell.is_orthographic ? side : side * z, z);
+  return cell.is_orthographic ? vec3(x, y, z) : vec3(x, y, 1.0) * z;
 }
 
-// True if a plane between body and cell is found, in `steps` steps from the last call's `n` on (the zero vector: from the
-// best guess). More steps find more of them; what none of them finds counts as touched.
-bool light_misses_cell(LightVolume volume, FrustumCell cell, uint steps, inout vec3 n) {
-  vec2 middle = 0.5 * (cell.bounds.xz + cell.bounds.yw);
-  vec2 half_size = max(abs(cell.bounds.xz), abs(cell.bounds.yw));
-  float slack = volume.slack * (1.0 + length(half_size));
-  if (dot(n, n) < 0.5) {
-    float z = clamp(volume.apex.z, cell.near_distance, cell.far_distance);
-    vec3 center = vec3(cell.is_orthographic ? middle : middle * z, z);
-    // From the middle of a cone's axis, as far as it can matter.
-    float ahead = volume.cos_outer < 0.0 ? 0.0 : 0.5 * min(volume.range, length(center - volume.apex));
-    n = center - volume.apex - volume.axis * ahead;
-    n = dot(n, n) > 0.0 ? normalize(n) : vec3(0.0, 0.0, 1.0);
+// Unit direction in which something near `point` is best told apart from the body: the normal of the cone's side or of
+// the box's face that looks there.
+vec3 light_first_axis(LightVolume volume, vec3 point) {
+  vec3 away = point - volume.apex;
+  float segment = dot(volume.half_segment, volume.half_segment);
+  if (segment > 0.0) away -= volume.half_segment * clamp(dot(away, volume.half_segment) / segment, -1.0, 1.0);
+  vec3 n = away;
+  if (volume.kind == kLightReachesBox) {
+    vec3 sizes = vec3(length(volume.half_axes[0]), length(volume.half_axes[1]), length(volume.half_axes[2]));
+    sizes = max(sizes, vec3(1e-20));
+    vec3 along = (away * volume.half_axes) / sizes;
+    vec3 beyond = abs(along) - sizes;
+    int face = beyond.x >= max(beyond.y, beyond.z) ? 0 : beyond.y >= beyond.z ? 1 : 2;
+    n = volume.half_axes[face] * (along[face] < 0.0 ? -1.0 : 1.0);
+  } else if (volume.cos_outer >= 0.0) {
+    vec3 across = away - volume.axis * dot(away, volume.axis);
+    vec3 side = across * (volume.cos_outer / max(length(across), 1e-20)) - volume.axis * volume.sin_outer;
+    if (dot(side, away) > 0.0) n = side;
   }
+  float size = length(n);
+  return size > 0.0 ? n / size : vec3(0.0, 0.0, 1.0);
+}
+
+// True if a plane between body and cell is found in `steps` steps. More steps find more of them; what none of them finds
+// counts as touched.
+bool light_misses_cell(LightVolume volume, FrustumCell cell, uint steps) {
+  vec4 bounds = cell.bounds;
+  float slack = volume.slack * (1.0 + length(max(abs(vec2(bounds.x, bounds.z)), abs(vec2(bounds.y, bounds.w)))));
+  float z = clamp(volume.apex.z, cell.near_distance, cell.far_distance);
+  vec3 middle = vec3(0.5 * (bounds.x + bounds.y), 0.5 * (bounds.z + bounds.w), 1.0) * (cell.is_orthographic ? 1.0 : z);
+  middle.z = z;
+  vec3 n = light_first_axis(volume, middle);
   for (uint i = 0u; i < steps; ++i) {
     vec4 support = light_support(volume, n);
     vec3 between = cell_support(cell, n) - volume.apex;
     if (dot(n, between) - support.w > slack) return true;
-    vec3 r = between - support.xyz;
+    vec3 r = between - vec3(support);
     float size = length(r);
     if (!(size > 0.0)) return false;  // they share this point
     r /= size;

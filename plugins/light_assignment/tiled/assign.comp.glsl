@@ -79,15 +79,14 @@ void main() {
     cell.near_distance = max(depths.x, 0.0);
     cell.far_distance = depths.y;
     cell.is_orthographic = camera.is_orthographic != 0u;
-    vec3 axis = vec3(0.0);
-    if (!is_everywhere && light_misses_cell(volume, cell, uint(params.steps), axis)) continue;
+    if (!is_everywhere && light_misses_cell(volume, cell, uint(params.steps))) continue;
     set_bit(pair, light, 0u);
 
     float nearest = uintBitsToFloat(tile_lists[2u * pair]), farthest = uintBitsToFloat(tile_lists[2u * pair + 1u]);
     if (!(nearest <= depths.y && farthest >= depths.x && nearest <= farthest)) continue;
     cell.near_distance = max(cell.near_distance, nearest);
     cell.far_distance = min(cell.far_distance, farthest);
-    if (!is_everywhere && light_misses_cell(volume, cell, uint(params.steps), axis)) continue;
+    if (!is_everywhere && light_misses_cell(volume, cell, uint(params.steps))) continue;
     set_bit(pair, light, 1u);
   }
 }
