@@ -61,7 +61,7 @@ void prove(const std::string& file, const Registry& registry, std::span<const st
 class ShippedGraphs : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedGraphs, ResolveWithEveryBarrierProven) {
-  const std::vector<std::string> features{"blended", "environment"};
+  const std::vector<std::string> features{"blended", "environment", "lights"};
   prove(GetParam(), testing::shared_registry(), {});
   prove(GetParam(), testing::shared_registry(), features);
 }
@@ -73,9 +73,9 @@ TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
   for (const char* id :
        {"sky/procedural", "sky/uniform", "sky/environment_map", "gbuffer/raster", "ambient_occlusion/gtao",
         "ambient_occlusion/ray_traced", "shadow/shadow_map", "shadow/ray_marched_screen", "surface_material/ggx",
-        "lighting/deferred", "transparency/sorted", "display/linear"})
+        "light_assignment/tiled", "light_count/heat_map", "lighting/deferred", "transparency/sorted", "display/linear"})
     if (registry.find(id).technique == nullptr) GTEST_SKIP() << id << " is not built";
-  const std::vector<std::string> features{"blended", "environment"};
+  const std::vector<std::string> features{"blended", "environment", "lights"};
   prove(GetParam(), registry, {});
   prove(GetParam(), registry, features);
 }

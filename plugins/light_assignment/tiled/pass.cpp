@@ -21,10 +21,10 @@ constexpr double kTileLadder[] = {32, 16, 8};
 constexpr double kStepsLadder[] = {0, 1, 2, 4, 8, 16};
 constexpr heddle_parameter kParameters[] = {
     knob(integer("tile", "px", 8, 64, 16, "side of the squares that have a list each"), kTileLadder),
-    knob(integer("steps", "1", 0, 32, 4, "of the search for a plane between a light and a tile's space"), kStepsLadder),
+    knob(integer("steps", "1", 0, 32, 2, "of the search for a plane between a light and a tile's space"), kStepsLadder),
     integer("fewest", "1", 0, 65536, 16, "with fewer lights that have a place, lists do not pay and are not made"),
-    integer("memory", "MiB", 1, 128, 4, "room for lists in the first frame; later ones have as much as they need",
-            HEDDLE_PARAMETER_REDECLARE),
+    parameter("memory", "MiB", 0.01, 128, 4, "room for lists in the first frame; later ones have as much as they need",
+              HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
 };
 
 /// As tiles.glsl reads it.
@@ -110,7 +110,7 @@ class Tiled {
 
  private:
   static std::uint64_t memory_parameter(const PassHost& host) {
-    return kMebibyte * static_cast<std::uint64_t>(host.integer("memory"));
+    return static_cast<std::uint64_t>(static_cast<double>(kMebibyte) * host.parameter("memory"));
   }
 
   void plan(const PassHost& host, const HeddleView& camera, std::uint32_t count) {
@@ -123,7 +123,7 @@ class Tiled {
     std::uint32_t listed = count;
     if (needed > room_) {
       listed = most_lights(tiles, room_);
-      if (needed <= kMostBytes || room_ < kMostBytes) {
+      if (room_ < kMostBytes) {
         memory_ = std::min(kMostBytes, rounded_to_mebibytes(needed));
         host.request_redeclare();
       } else if (!has_warned_) {
@@ -159,9 +159,10 @@ class Tiled {
 };
 
 constexpr heddle_technique kTiled = [] {
-  heddle_technique t = technique<Tiled>("light_assignment/tiled", "Lists of lights for tiles of pixels and their depths",
-                                        "Olsson and Assarsson 2011, Tiled Shading; Harada, McKee and Yang 2012, "
-                                        "Forward+: Bringing Deferred Lighting to the Next Level");
+  heddle_technique t =
+      technique<Tiled>("light_assignment/tiled", "Lists of lights for tiles of pixels and their depths",
+                       "Olsson and Assarsson 2011, Tiled Shading; Harada, McKee and Yang 2012, "
+                       "Forward+: Bringing Deferred Lighting to the Next Level");
   t.ports = list(kPorts, t.port_count);
   t.parameters = list(kParameters, t.parameter_count);
   t.stages = list(kStages, t.stage_count);

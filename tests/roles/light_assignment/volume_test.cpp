@@ -196,7 +196,7 @@ TEST(LightVolume, NeverMissesACellWhosePointTheSurfaceTouches) {
   Random random(11);
   const double insides[] = {-3e-7_d, 0_d, 1e-7_d, 1e-6_d, 1e-3_d, 0.3_d};
   int inside_by_definition = 0;
-  for (int i = 0; i < 200000; ++i) {
+  for (int i = 0; i < 100000; ++i) {
     const double unit = std::array{1e-3_d, 1_d, 1e3_d}[random.below(3)];
     const FrustumCell cell = random_cell(random, unit, i % 5 == 0);
     const std::size_t type = random.below(8);
@@ -215,7 +215,7 @@ TEST(LightVolume, NeverMissesACellWhosePointTheSurfaceTouches) {
     inside_by_definition += is_inside ? 1 : 0;
     ASSERT_TRUE(glsl::light_is_near(light, point) || !is_inside) << kTypeNames[type] << " " << i;
   }
-  EXPECT_GT(inside_by_definition, 100000);
+  EXPECT_GT(inside_by_definition, 50000);
 }
 
 TEST(LightVolume, NeverMissesACellWithinALightWithoutEnd) {
