@@ -277,7 +277,7 @@ Technique deferred() {
   accesses.push_back(touch("radiance", HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_DONT_CARE));
   t.stages = {{"light", StageKind::kGpu, accesses}};
   t.shaders = {
-      shader("light", ShaderKind::kFullscreen, "light", {"light_assignment", "shadow", "surface_material", "sky"})};
+      shader("light", ShaderKind::kFullscreen, "light", {"shadow", "surface_material", "sky", "light_assignment"})};
   t.parameters = {choice("precision", {"float16", "float32"})};
   return t;
 }
@@ -315,7 +315,7 @@ Technique sorted() {
                {touch("surfaces", HEDDLE_ACCESS_DRAW), value("camera"), value("lights"), blended,
                 touch("depth_buffer", HEDDLE_ACCESS_DEPTH_READ)}}};
   t.shaders = {
-      shader("blend", ShaderKind::kSurfaces, "draw", {"light_assignment", "shadow", "surface_material", "sky"})};
+      shader("blend", ShaderKind::kSurfaces, "draw", {"shadow", "surface_material", "sky", "light_assignment"})};
   t.features = {"blended"};
   return t;
 }
