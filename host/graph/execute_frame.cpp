@@ -20,12 +20,12 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
+}  // namespace
+
 VkImageAspectFlags aspect_of(std::uint32_t format) {
   return vulkan::format_info(static_cast<VkFormat>(format)).is_depth ? VK_IMAGE_ASPECT_DEPTH_BIT
                                                                      : VK_IMAGE_ASPECT_COLOR_BIT;
 }
-
-}  // namespace
 
 void Executor::State::throw_if_failed(const PassState& state, heddle_status status, std::string_view what) {
   if (status == HEDDLE_OK && errors.empty()) return;

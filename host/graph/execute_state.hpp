@@ -368,6 +368,8 @@ void barrier_between_all(const heddle_vulkan& vk, VkCommandBuffer commands, cons
 std::vector<VkBufferImageCopy> all_mips(const Resource& resource);
 std::uint64_t bytes_of(const std::vector<VkBufferImageCopy>& regions, const Resource& resource);
 
+/// Depth or colour.
+VkImageAspectFlags aspect_of(std::uint32_t format);
 /// Commands that are in no plan, at a frame's start or between frames, are ordered against everything.
 Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout to);
 /// What was copied to host memory is there for the host once the fence is.

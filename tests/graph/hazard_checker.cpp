@@ -7,7 +7,7 @@
 #include <map>
 #include <set>
 
-namespace heddle::graph::testing {
+namespace heddle::graph::test_support {
 namespace {
 
 using Stages = VkPipelineStageFlags2;
@@ -413,4 +413,4 @@ std::vector<std::string> find_needless_barriers(const ResolvedGraph& graph, cons
   return needless;
 }
 
-}  // namespace heddle::graph::testing
+}  // namespace heddle::graph::test_support

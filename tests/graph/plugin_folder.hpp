@@ -5,7 +5,7 @@
 
 #include "graph/stages.hpp"
 
-namespace heddle::graph::testing {
+namespace heddle::graph::test_support {
 
 class PluginFolder {
  public:
@@ -61,4 +61,4 @@ role = "display"
 technique = "linear"
 )";
 
-}  // namespace heddle::graph::testing
+}  // namespace heddle::graph::test_support

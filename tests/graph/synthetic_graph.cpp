@@ -2,7 +2,7 @@
 // Hand-made passes -> ResolvedGraph (see synthetic_graph.hpp).
 #include "graph/synthetic_graph.hpp"
 
-namespace heddle::graph::testing {
+namespace heddle::graph::test_support {
 
 Access touch(std::string port, std::uint32_t access, std::uint32_t load) {
   return {std::move(port), access, load, {}};
@@ -129,4 +129,4 @@ std::string SyntheticGraph::text(const Order& order) const {
   return text;
 }
 
-}  // namespace heddle::graph::testing
+}  // namespace heddle::graph::test_support
