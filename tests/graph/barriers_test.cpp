@@ -11,11 +11,11 @@
 namespace heddle::graph {
 namespace {
 
-using testing::find_hazards;
-using testing::find_needless_barriers;
+using test_support::find_hazards;
+using test_support::find_needless_barriers;
+using test_support::SyntheticGraph;
+using test_support::touch;
 using ::testing::IsEmpty;
-using testing::SyntheticGraph;
-using testing::touch;
 
 struct Planned {
   Order sequence;

@@ -44,6 +44,11 @@ std::string message_of(const Action& action) {
   }
 }
 
+/// What stands in a file as a string.
+inline const std::string& text(const Written& written) {
+  return std::get<std::string>(written.value);
+}
+
 /// A graph of the roles that most tests need, without sky and shadows.
 inline constexpr std::string_view kSmallGraph = R"(output = "display.color"
 [[pass]]
