@@ -45,6 +45,8 @@ struct ListArguments {
 
 /// A page a role, on standard output or as ROLE.md files of a folder.
 void print_pages(const Json& list, const ListArguments& arguments) {
+  std::error_code ignored;  // write_file says what is wrong, with the file's name
+  if (!arguments.folder.empty()) std::filesystem::create_directories(arguments.folder, ignored);
   for (const Json& role : list["roles"]) {
     const auto name = role["name"].get<std::string>();
     if (!arguments.role.empty() && name != arguments.role) continue;
