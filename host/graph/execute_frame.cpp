@@ -450,11 +450,12 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
           : HEDDLE_RUN;
   record_barriers(before);
   const bool is_up_to_date = is_outdated.empty() || is_outdated[scheduled.pass] == 0;
-  if (activity == HEDDLE_KEEP && is_up_to_date) {
+  const bool keeps = activity == HEDDLE_KEEP && is_up_to_date;
+  begin_lists(index, keeps ? HEDDLE_KEEP : activity);
+  if (keeps) {
     keep_outputs(scheduled);
     return;
   }
-  empty_lists(index);
   if (activity == HEDDLE_NOTHING) {
     write_neutral(state, scheduled);
     return;

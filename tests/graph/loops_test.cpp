@@ -267,6 +267,24 @@ TEST(Loops, RefuseStateThatAdvancesInPlace) {
             "  help:     put pass 'light' behind 'aa', or give 'aa' technique = \"none\"");
 }
 
+TEST(Loops, LetIterationsMakeAKeptListAnew) {
+  for (const bool is_rewritten : {true, false}) {
+    Sampled made;
+    const ResourceIndex list = made.buffer(
+        made.draw, "list", HEDDLE_PORT_LIST | HEDDLE_PORT_KEPT | (is_rewritten ? HEDDLE_PORT_REWRITTEN : 0U));
+    made.gpu(made.draw, "find", {touch("list", HEDDLE_ACCESS_APPEND)});
+    made.input(made.light, "list", list);
+    made.gpu(made.light, "use",
+             {touch("list", HEDDLE_ACCESS_STORAGE_READ), touch("b", HEDDLE_ACCESS_STORAGE_READ_WRITE)});
+    if (is_rewritten) {
+      expect_proven(made.graph, made.weave(), std::array{made.c});
+    } else {
+      EXPECT_THAT(message_of([&] { made.weave(); }),
+                  ::testing::HasSubstr("pass 'draw' keeps its state in 'draw.list' in place"));
+    }
+  }
+}
+
 TEST(Loops, NoteThatTheyRepeatNothing) {
   Sampled made;
   made.graph.passes[made.draw].ports.erase("view");

@@ -41,6 +41,7 @@ ResourceIndex SyntheticGraph::add(PassIndex pass, const std::string& port, PortT
   resource.producer = pass;
   resource.port = port;
   resource.is_kept = made.is_kept();
+  resource.flags = flags;
   resource.format = type == PortType::kImage ? VK_FORMAT_R16G16B16A16_SFLOAT : 0;
   resource.width = type == PortType::kImage ? graph.width : 0;
   resource.height = type == PortType::kImage ? graph.height : 0;
