@@ -518,6 +518,23 @@ TEST_F(Jobs, AreProvenInCheckModeWithoutTheCache) {
   EXPECT_EQ(files().size(), 1U) << "nothing of it is kept";
 }
 
+TEST_F(Jobs, AreProvenInAllTheirWaves) {
+  const std::string chain = std::string(kCountJob) +
+                            "[[pass]]\nname = \"more\"\nrole = \"job_probe\"\ntechnique = \"count\"\n"
+                            "inputs.base = \"count.table\"\n" +
+                            "[[pass]]\nname = \"sums\"\nrole = \"job_probe\"\ntechnique = \"gpu\"\n";
+  Host host(cache_, HEDDLE_HOST_CHECK);
+  ASSERT_EQ(host.parse(chain, "job.toml", folder_), HEDDLE_OK) << host.error();
+  const char* text = nullptr;
+  ASSERT_EQ(heddle_graph_check(host.graph, host.scene, nullptr, 1, &text), HEDDLE_OK) << host.error();
+  const Json report = Json::parse(text);
+  EXPECT_EQ(report["compared"], Json({"count.table", "count.report", "more.table", "more.report", "sums.table"}));
+  EXPECT_GT(report["orders"], 1) << "'count' and 'sums' wait for nothing of each other";
+  EXPECT_EQ(report["unordered_pairs"], report["seen_both_ways"]);
+  EXPECT_EQ(host.slices(), (4 + 4 + 5) * report["runs"].get<int>());
+  EXPECT_TRUE(files().empty());
+}
+
 TEST_F(Jobs, AreExplainedAndDescribed) {
   write("links.toml", kCountJob);
   Host host(cache_);
