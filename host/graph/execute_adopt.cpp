@@ -15,7 +15,7 @@ namespace {
 bool is_same_shape(const Resource& a, const Resource& b) {
   return a.type == b.type && a.format == b.format && a.width == b.width && a.height == b.height &&
          a.layers == b.layers && a.mips == b.mips && a.flags == b.flags && a.byte_size == b.byte_size &&
-         a.capacity == b.capacity && a.element_bytes == b.element_bytes;
+         a.capacity == b.capacity && a.element_bytes == b.element_bytes && a.content == b.content;
 }
 
 std::map<std::string, Resource, std::less<>> shapes_of(const ResolvedGraph& graph, const Pass& pass) {

@@ -2,6 +2,7 @@
 // The C functions behind heddle_pass_host: parameters, values, mapped memory, and the commands of a gpu stage.
 
 #include "graph/execute_state.hpp"
+#include "graph/report.hpp"
 
 #include <heddle/components.h>
 
@@ -256,8 +257,9 @@ heddle_status set_value(const heddle_pass_host* self, heddle_frame*, const char*
     Executor::State& executor = executor_of(pass);
     const Pass& declared = executor.pass_of(pass);
     const Port* own = executor.technique_of(pass).find_port(port);
-    if (own == nullptr || own->direction == Direction::kIn || own->type != PortType::kValue) {
-      return wrong(pass, fmt::format("sets '{}', which is none of its out values", port));
+    if (own == nullptr || own->direction == Direction::kIn ||
+        (own->type != PortType::kValue && own->type != PortType::kArtifact)) {
+      return wrong(pass, fmt::format("sets '{}', which is none of its out values and artifacts", port));
     }
     if (!is_in_key(pass, is_of_cached_stage(pass, port), fmt::format("value '{}'", port))) return HEDDLE_BUG;
     executor.set_value(declared.ports.at(port), {static_cast<const std::byte*>(data), bytes});
@@ -540,6 +542,12 @@ std::uint32_t text(const heddle_pass_host* self, const char* name, std::uint32_t
 const char* resolve_path(const heddle_pass_host* self, const char* path) {
   PassState& pass = state_of(self);
   if (!is_in_key(pass, false, fmt::format("the file '{}'", path))) return "";
+  const Executor::State& executor = executor_of(pass);
+  if (executor.graph.is_job && !executor.is_key_file(executor.pass_of(pass), path)) {
+    wrong(pass,
+          fmt::format("asks for the file '{}', which no parameter names: what a job reads is part of its key", path));
+    return "";
+  }
   pass.resolved_path = (executor_of(pass).graph.folder / path).lexically_normal().string();
   return pass.resolved_path.c_str();
 }
@@ -566,20 +574,57 @@ heddle_status set_text(const heddle_pass_host* self, const char* name, const cha
 heddle_status progress(const heddle_pass_host* self, heddle_frame* frame, double done) {
   PassState& pass = state_of(self);
   return guarded(pass, [&]() -> heddle_status {
-    const Executor::State& executor = executor_of(pass);
-    if (executor.services.is_cancelled != nullptr && executor.services.is_cancelled->load()) return HEDDLE_CANCELLED;
+    Executor::State& executor = executor_of(pass);
+    const bool is_cancelled = executor.services.is_cancelled != nullptr && executor.services.is_cancelled->load();
+    if (is_cancelled && !frame->stops_at_slices) return HEDDLE_CANCELLED;
     const Pass& declared = executor.pass_of(pass);
     const std::string& stage = executor.technique_of(pass).stages[frame->stage->stage].name;
     done = std::clamp(done, 0.0, 1.0);
-    if (executor.services.progress) {
-      executor.services.progress(fmt::format("stage '{}' of pass '{}'", stage, declared.name), done);
+    if (executor.services.progress && !executor.stop_reason) {
+      try {
+        executor.services.progress(fmt::format("stage '{}' of pass '{}'", stage, declared.name), done);
+      } catch (...) {
+        if (!frame->stops_at_slices) throw;
+        executor.stop_reason = std::current_exception();
+      }
     }
     const auto now = std::chrono::steady_clock::now();
-    if (now - frame->told < kTellEvery) return HEDDLE_OK;
+    // That all is done, its end says.
+    if (now - frame->told < kTellEvery || done >= 1.0) return HEDDLE_OK;
     frame->told = now;
     say(pass, Severity::kInfo,
         fmt::format("stage '{}': {:.0f} % after {:.0f} s", stage, 100.0 * done,
                     std::chrono::duration<double>(now - frame->began).count()));
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status add_row(const heddle_pass_host* self, heddle_frame*, const char* port, const heddle_report_row* row) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    Executor::State& executor = executor_of(pass);
+    const Port* own = executor.technique_of(pass).find_port(port);
+    if (own == nullptr || own->type != PortType::kReport)
+      return wrong(pass, fmt::format("adds a row to '{}', which is none of its reports", port));
+    heddle_report_row given{};
+    std::memcpy(&given, row, std::min<std::size_t>(row->struct_size, sizeof given));
+    if (given.message == nullptr || given.level > HEDDLE_SEVERITY_INFO)
+      return wrong(pass, fmt::format("adds a row to '{}' without a message, or of the level {}", port, given.level));
+    Value& value = executor.resources[executor.pass_of(pass).ports.at(port)].value;
+    const std::string line = report_line(given) + "\n";
+    const auto bytes = std::as_bytes(std::span(line));
+    value.bytes.insert(value.bytes.end(), bytes.begin(), bytes.end());
+    value.is_set = true;
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status keep_state(const heddle_pass_host* self, heddle_frame* frame, const void* data, std::uint64_t bytes) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    if (!frame->is_saving) return wrong(pass, "calls keep_state outside of save_state");
+    const auto* first = static_cast<const std::byte*>(data);
+    frame->state.insert(frame->state.end(), first, first + bytes);
     return HEDDLE_OK;
   });
 }
@@ -624,6 +669,8 @@ void fill_pass_host(PassState& pass, const heddle_vulkan& table) {
   api.dispatch_over_list = dispatch_over_list;
   api.request_redeclare = request_redeclare;
   api.progress = progress;
+  api.add_row = add_row;
+  api.keep_state = keep_state;
 }
 
 heddle_shape shape_of(const Resource& resource) {

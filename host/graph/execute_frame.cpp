@@ -206,11 +206,15 @@ void Executor::State::set_component_values(const scene::Scene& rendered) {
 }
 
 void Executor::State::set_scene_values(const scene::Scene& rendered) {
-  const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
-  previous_origin = origin;
-  origin = {camera.position[0], camera.position[1], camera.position[2]};
-  const HeddleView view = scene::make_view(camera, graph.width, graph.height, origin,
-                                           info.cut != 0 || !previous_camera ? nullptr : &*previous_camera);
+  HeddleView view{};
+  if (!graph.is_job) {  // a job has no camera, and its origin is the middle of the scene
+    const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
+    previous_origin = origin;
+    origin = {camera.position[0], camera.position[1], camera.position[2]};
+    view = scene::make_view(camera, graph.width, graph.height, origin,
+                            info.cut != 0 || !previous_camera ? nullptr : &*previous_camera);
+    previous_camera = camera;
+  }
   const std::vector<HeddleLight> lights = scene::SceneBuffers::lights(rendered, origin);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
@@ -221,7 +225,6 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     if (resource.port == "environment") set_environment(i, rendered);
   }
   set_component_values(rendered);
-  previous_camera = camera;
   if (!scene_buffers || scene != &rendered) {
     scene_buffers = std::make_unique<scene::SceneBuffers>(*device, materials_layout);
     scene = &rendered;
@@ -465,71 +468,74 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
     return;
   }
   frame.commands = commands;
-  if (state.descriptor->record != nullptr) {
-    throw_if_failed(state, state.descriptor->record(state.object, &state.api, scheduled.stage, &frame, &info),
-                    "record");
+  const bool is_lasting = graph.is_job && keeps_artifacts() && makes_what_lasts(technique_of(state));
+  run_slices(state, scheduled, frame, info_for(pass_of(state)), is_lasting ? pass_keys[scheduled.pass] : std::string{});
+}
+
+void Executor::State::run_frame(const scene::Scene& rendered, const FrameOptions& options) {
+  const auto start = Clock::now();
+  begin_frame_memory();
+  stats.instances_drawn = stats.instances_culled = 0;
+  drawn_layers.clear();
+  looks.clear();
+  errors.clear();
+  stats.stages.clear();
+  stats.submit_ms = 0;
+  stats.stalls = 0;
+  stats.before = device->counters();
+  info.struct_size = sizeof info;
+  info.cut = options.cut || is_fresh ? 1U : 0U;
+  info.is_still = !graph.is_job && is_still(rendered, options) ? 1U : 0U;
+  info.index = frame_index;
+  info.time = options.time;
+  info.time_step = options.time_step;
+  info.seed = options.seed;
+  begin_checked_frame();
+  if (find_iterations()) {
+    if (is_continuing) info.time_step = 0;
+    begin_commands();
+    turn_histories();
+    name_resources();
+    set_scene_values(rendered);
+    count_slots.clear();
+    run_stages(options.profile);
+    stop_if_cancelled();
+    label_commands(nullptr);
+    record_barriers(barriers.at_end);
+    publish_counts();
+    submit_and_wait();
+    tell_counts();
+    frame_buffers.clear();
+    ++frame_index;
+  }
+  stats.after = device->counters();
+  stats.wall_ms = milliseconds_since(start);
+  ++stats.frame;
+  is_fresh = false;
+  has_frame = true;
+  is_outdated.clear();
+  throw_what_the_check_found();
+  const std::vector<std::string> complaints = device->take_validation_errors();
+  if (!complaints.empty()) {
+    std::vector<Diagnostic> all;
+    for (const std::string& complaint : complaints) {
+      Diagnostic diagnostic;
+      diagnostic.where.file = graph.file;
+      diagnostic.message = "the validation layer found: " + complaint;
+      all.push_back(std::move(diagnostic));
+    }
+    throw Error(HEDDLE_BUG, std::move(all));
   }
 }
 
 void Executor::render(const scene::Scene& rendered, const FrameOptions& options) {
   State& s = *state_;
-  const auto start = Clock::now();
   // Nothing of a failed frame may reach the next: its plan, values and recorded commands go.
   try {
-    if (!s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
+    const bool has_new_artifacts = s.run_jobs(rendered);
+    if (has_new_artifacts || !s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
     if (s.is_redeclare_due()) s.redeclare();
-    s.begin_frame_memory();
-    s.stats.instances_drawn = s.stats.instances_culled = 0;
-    s.drawn_layers.clear();
-    s.looks.clear();
-    s.errors.clear();
-    s.stats.stages.clear();
-    s.stats.submit_ms = 0;
-    s.stats.stalls = 0;
-    s.stats.before = s.device->counters();
-    s.info.struct_size = sizeof s.info;
-    s.info.cut = options.cut || s.is_fresh ? 1U : 0U;
-    s.info.is_still = s.is_still(rendered, options) ? 1U : 0U;
-    s.info.index = s.frame_index;
-    s.info.time = options.time;
-    s.info.time_step = options.time_step;
-    s.info.seed = options.seed;
-    s.begin_checked_frame();
-    if (s.find_iterations()) {
-      if (s.is_continuing) s.info.time_step = 0;
-      s.begin_commands();
-      s.turn_histories();
-      s.name_resources();
-      s.set_scene_values(rendered);
-      s.count_slots.clear();
-      s.run_stages(options.profile);
-      s.stop_if_cancelled();
-      s.label_commands(nullptr);
-      s.record_barriers(s.barriers.at_end);
-      s.publish_counts();
-      s.submit_and_wait();
-      s.tell_counts();
-      s.frame_buffers.clear();
-      ++s.frame_index;
-    }
-    s.stats.after = s.device->counters();
-    s.stats.wall_ms = milliseconds_since(start);
-    ++s.stats.frame;
-    s.is_fresh = false;
-    s.has_frame = true;
-    s.is_outdated.clear();
-    s.throw_what_the_check_found();
-    const std::vector<std::string> complaints = s.device->take_validation_errors();
-    if (!complaints.empty()) {
-      std::vector<Diagnostic> all;
-      for (const std::string& complaint : complaints) {
-        Diagnostic diagnostic;
-        diagnostic.where.file = s.graph.file;
-        diagnostic.message = "the validation layer found: " + complaint;
-        all.push_back(std::move(diagnostic));
-      }
-      throw Error(HEDDLE_BUG, std::move(all));
-    }
+    s.run_frame(rendered, options);
   } catch (...) {
     s.commands = VK_NULL_HANDLE;
     s.previous_camera.reset();

@@ -104,6 +104,7 @@ void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> be
   }
   poison_around(index, true);
   run_stage(index, before);
+  keep_lasting(index);
   sort_appended(index);
   copy_counts(index);
   scan_outputs(index);

@@ -3,9 +3,11 @@
 #pragma once
 
 #include "graph/execute.hpp"
+#include "graph/execute_keys.hpp"
 
 #include <algorithm>
 #include <chrono>
+#include <exception>
 #include <set>
 
 namespace heddle::graph {
@@ -100,6 +102,10 @@ struct heddle_frame {
   };
   std::vector<Mapping> mappings;
   std::chrono::steady_clock::time_point began, told;  // execute, and when the person at the screen was last told of it
+  std::uint32_t slice = 0;                            // how often the stage has answered HEDDLE_MORE
+  bool stops_at_slices = false;                       // and nowhere else
+  bool is_saving = false;                             // inside save_state
+  std::vector<std::byte> state;                       // what that kept
 };
 
 namespace heddle::graph {
@@ -199,6 +205,7 @@ struct Executor::State {
   std::uint64_t draw_command_bytes = 0;
   VkDescriptorSet program_set = VK_NULL_HANDLE;
   std::vector<Diagnostic> errors;  // reported by plugins in the running call
+  std::exception_ptr stop_reason;  // of whoever was told of progress, to be thrown when nothing is half done
 
   State(HostServices& s, ResolvedGraph g) : services(s), original(std::move(g)) {}
 
@@ -207,6 +214,7 @@ struct Executor::State {
   void plan(const std::vector<std::string>& features, bool is_restoring = false);
   void redeclare();
   void plan_memory(const std::vector<std::string>& features);
+  void find_wanted();
   void find_needs();
   void unplan();
   void destroy(PassState& pass);
@@ -264,7 +272,44 @@ struct Executor::State {
   void begin_frame_memory();
   void run_cpu_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   void execute_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
-  void call_execute(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const heddle_frame_info& seen);
+  void warn(const Pass& pass, std::string_view message) const;
+
+  // Slices of a stage (execute_slices.cpp). `key`: of what it makes; empty: nobody keeps that.
+  void run_slices(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const heddle_frame_info& seen,
+                  const std::string& key);
+  void begin_slice(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
+  [[nodiscard]] bool is_stop_asked() const;
+  void save_unfinished(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const std::string& key);
+  void load_unfinished(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const std::string& key);
+  void put_back(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const ArtifactParts& parts);
+  void begin_anew(const PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
+  [[nodiscard]] std::vector<std::string> device_outputs(const PassState& pass, const ScheduledStage& stage) const;
+
+  // Jobs (execute_job.cpp): waves of passes whose artifacts are all there.
+  std::map<std::string, Lasting, std::less<>> lasting;  // what is there, by resource; also what other jobs have made
+  std::vector<std::string> pass_keys;                   // parallel to original.passes
+  std::vector<std::string> wave;                        // what the present plan is for
+  std::vector<std::unique_ptr<Executor>> jobs;          // parallel to original.jobs
+  std::string jobs_scene;                               // that these were run for, but for places; empty: they are due
+  std::set<std::string> looked_up;                      // keys, in the cache, in this run
+  bool is_named = false;                                // the job of another graph's input
+  JobResult job_result;
+  [[nodiscard]] std::vector<std::string> job_wants() const;
+  [[nodiscard]] std::vector<std::string> frame_wants() const;
+  [[nodiscard]] std::vector<ResourceIndex> needed_artifacts(const std::vector<std::string>& features) const;
+  [[nodiscard]] bool keeps_artifacts() const;
+  bool run_jobs(const scene::Scene& scene);
+  void adopt_jobs(const std::vector<GraphJob>& former);
+  void run_job(const scene::Scene& scene, const FrameOptions& options, const std::vector<std::string>& names);
+  bool find_lasting(PassIndex pass);
+  [[nodiscard]] bool has_lasting(PassIndex pass) const;
+  std::vector<PassIndex> find_due(const std::vector<std::string>& names);
+  [[nodiscard]] std::vector<PassIndex> find_ready(const std::vector<PassIndex>& due) const;
+  void place_lasting();
+  void keep_lasting(std::uint32_t stage);
+  [[nodiscard]] heddle_frame_info info_for(const Pass& pass) const;
+  [[nodiscard]] bool is_key_file(const Pass& pass, std::string_view path) const;
+  void run_frame(const scene::Scene& scene, const FrameOptions& options);
   std::string artifact_key(const PassState& pass, const ScheduledStage& stage, const heddle_frame& frame);
   bool take_artifact(const ArtifactParts& parts, PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   ArtifactViews made_parts(const PassState& pass, const ScheduledStage& stage, const heddle_frame& frame);
@@ -316,6 +361,8 @@ struct Executor::State {
     std::optional<ListOrder> list_order;
   };
   Variant variant;
+  static constexpr std::size_t kMostOrders = 16;
+  std::vector<OrderSet> wave_orders;                     // of a job's waves
   std::map<ResourceIndex, std::uint32_t> sorted_counts;  // elements of each list that were put in order
   void sort_appended(std::uint32_t stage);
   void place_poison(ResourceIndex resource, std::uint64_t bytes);
@@ -351,8 +398,9 @@ struct Executor::State {
   std::vector<Look> looks;
   void look_at_outputs(std::uint32_t stage);
 
-  /// Throws Error(HEDDLE_CANCELLED) if the application asked for it.
-  void stop_if_cancelled() const;
+  /// Throws Error(HEDDLE_CANCELLED) if the application asked for it, and what it threw itself while it was told of
+  /// progress.
+  void stop_if_cancelled();
 
   [[nodiscard]] bool is_any_version_kept(ResourceIndex first) const;
   [[nodiscard]] ResourceState& root(ResourceIndex resource) { return resources[resources[resource].root]; }

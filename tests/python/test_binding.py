@@ -32,6 +32,8 @@ def c_type(text):
         return {1: ctypes.c_void_p, 2: ctypes.POINTER(ctypes.c_void_p)}[stars]
     if name == "char":
         return {1: ctypes.c_char_p, 2: ctypes.POINTER(ctypes.c_char_p)}[stars]
+    if name == "void" and stars:
+        return {1: ctypes.c_void_p, 2: ctypes.POINTER(ctypes.c_void_p)}[stars]
     plain = {"uint8_t": ctypes.c_uint8, "void": None, "heddle_status": ctypes.c_int32, "uint32_t": ctypes.c_uint32, "uint64_t": ctypes.c_uint64,
              "double": ctypes.c_double, "float": ctypes.c_float}
     base = plain[name] if name in plain else STRUCTURES[name]
