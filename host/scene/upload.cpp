@@ -54,6 +54,20 @@ void fill(vulkan::Device& device, vulkan::Buffer& buffer, const std::vector<Elem
 
 }  // namespace
 
+HeddleInstance place(const Scene& scene, std::uint32_t instance, const glm::dvec3& origin, std::uint32_t material,
+                     std::uint32_t previous_vertex) {
+  const Instance& placed = scene.instances[instance];
+  HeddleInstance record{};
+  store(placed.scene_from_object, origin, record.rel_from_object);
+  store(placed.previous_scene_from_object, origin, record.previous_rel_from_object);
+  record.material = material;
+  record.object = instance;
+  record.flags = surface_flags(scene.materials.at(material).record);
+  record.flip = is_mirrored(placed) ? 1 : 0;
+  record.previous_vertex = previous_vertex;
+  return record;
+}
+
 struct SceneBuffers::State {
   State(vulkan::Device& used, VkDescriptorSetLayout layout) : device(used), textures(used, layout) {}
 
@@ -223,17 +237,9 @@ void SceneBuffers::State::upload_instances(const Scene& scene) {
   list.reserve(order.size());
   list_boxes.reserve(order.size());
   for (const std::uint32_t index : order) {
-    const Instance& instance = scene.instances[index];
-    HeddleInstance record{};
-    store(instance.scene_from_object, origin, record.rel_from_object);
-    store(instance.previous_scene_from_object, origin, record.previous_rel_from_object);
-    record.material = scene.meshes[instance.mesh].material;
-    record.object = index;
-    record.flags = surface_flags(records[record.material]);
-    record.flip = flips[index];
-    record.previous_vertex = meshes[instance.mesh].steps_to_previous();
-    list.push_back(record);
-    list_boxes.push_back(bounding_box(scene.meshes[instance.mesh].bounds, record));
+    const std::uint32_t mesh = scene.instances[index].mesh;
+    list.push_back(place(scene, index, origin, scene.meshes[mesh].material, meshes[mesh].steps_to_previous()));
+    list_boxes.push_back(bounding_box(scene.meshes[mesh].bounds, list.back()));
   }
   boxes.assign(std::move(list_boxes));
   fill(device, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
@@ -297,9 +303,11 @@ std::span<const std::uint32_t> SceneBuffers::order() const {
 const MeshRange& SceneBuffers::mesh(std::uint32_t index) const {
   return state_->meshes.at(index);
 }
-VisibleDraws SceneBuffers::visible(const DrawGroup& group, const Frustum& frustum) const {
-  return cull(std::span(state_->command_list).subspan(group.first_command, group.command_count), state_->boxes,
-              frustum);
+DrawList SceneBuffers::draws() const {
+  return {state_->groups, state_->command_list, state_->order, &state_->boxes};
+}
+std::uint32_t SceneBuffers::texture_group(std::uint32_t material) const {
+  return state_->records.at(material).texture_group;
 }
 VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
   return state_->textures.set(texture_group);
