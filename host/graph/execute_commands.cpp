@@ -177,8 +177,8 @@ heddle_status scene_mesh(const heddle_pass_host* self, std::uint32_t index, hedd
   if (!is_in_key(pass, false, "the scene's meshes")) return HEDDLE_BUG;
   const scene::Scene* asked = executor_of(pass).asked_scene(pass);
   if (asked == nullptr || index >= asked->meshes.size()) {
-    return wrong(pass, fmt::format("asks for mesh {} of a scene with {}", index,
-                                   asked != nullptr ? asked->meshes.size() : 0));
+    return wrong(
+        pass, fmt::format("asks for mesh {} of a scene with {}", index, asked != nullptr ? asked->meshes.size() : 0));
   }
   const scene::Mesh& mesh = asked->meshes[index];
   const bool has_bent = mesh.shape != mesh.previous_shape;
@@ -190,8 +190,8 @@ heddle_status scene_mesh(const heddle_pass_host* self, std::uint32_t index, hedd
   record.previous_vertices = has_bent ? mesh.previous_vertices.data() : mesh.vertices.data();
   record.indices = mesh.indices.data();
   record.face_sizes = mesh.face_sizes.empty() ? nullptr : mesh.face_sizes.data();
-  record.face_count = static_cast<std::uint32_t>(mesh.face_sizes.empty() ? mesh.indices.size() / 3
-                                                                         : mesh.face_sizes.size());
+  record.face_count =
+      static_cast<std::uint32_t>(mesh.face_sizes.empty() ? mesh.indices.size() / 3 : mesh.face_sizes.size());
   record.crease_count = static_cast<std::uint32_t>(mesh.sharpness.size());
   record.creases = mesh.creases.data();
   record.sharpness = mesh.sharpness.data();

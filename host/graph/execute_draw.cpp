@@ -15,7 +15,7 @@ namespace {
 struct Source {
   scene::DrawSource draws;
   VkBuffer vertices = VK_NULL_HANDLE, indices = VK_NULL_HANDLE, instances = VK_NULL_HANDLE;
-  VkBuffer commands = VK_NULL_HANDLE;  // of the list, on the device
+  VkBuffer commands = VK_NULL_HANDLE;     // of the list, on the device
   ResourceIndex own_commands = kNoIndex;  // the technique's: it places
 };
 
@@ -171,8 +171,8 @@ void Executor::State::draw_surfaces(const PassState& pass, const ShaderState& sh
     sorted.push_back(source.draws);
     source_of.push_back(&source);
   }
-  const scene::OrderedDraws ordered = scene::order_back_to_front(*scene, sorted, view, origin,
-                                                                 drawing.order == HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT);
+  const scene::OrderedDraws ordered =
+      scene::order_back_to_front(*scene, sorted, view, origin, drawing.order == HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT);
   VkBuffer sorted_indices = VK_NULL_HANDLE;
   if (!ordered.indices.empty()) {
     const std::size_t bytes = ordered.indices.size() * sizeof(std::uint32_t);

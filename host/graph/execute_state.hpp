@@ -28,8 +28,8 @@ struct Made {
   scene::MadeSurfaces surfaces;
   scene::PlacedBatches placed;  // valid while is_placed
   bool is_placed = false;
-  vulkan::Buffer instances;     // HeddleInstance of those that the scene places
-  scene::Snapshot snapshot;     // of the version's triangles and all beneath
+  vulkan::Buffer instances;  // HeddleInstance of those that the scene places
+  scene::Snapshot snapshot;  // of the version's triangles and all beneath
 };
 
 /// Run-time side of a Resource. Later versions of images and buffers point to their first version by `root`.
@@ -79,12 +79,13 @@ struct PassState {
   bool is_declaring = false;  // inside declare
   bool is_preparing = false;  // inside prepare
   bool is_prepared = false;
-  bool is_adopted = false;       // the object of an earlier plan
-  bool is_redeclared = false;    // and while it is planned: declared and prepared again
-  bool wants_redeclare = false;  // asked for it; due before the next frame
+  bool is_adopted = false;         // the object of an earlier plan
+  bool is_redeclared = false;      // and while it is planned: declared and prepared again
+  bool wants_redeclare = false;    // asked for it; due before the next frame
   bool declares_by_scene = false;  // asked for the scene's meshes or components in declare, when they were
   std::array<std::uint64_t, 2> declared_content{};  // these revisions
-  const Stage* cached_stage = nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
+  const Stage* cached_stage =
+      nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
   vulkan::GeneratedTexts texts;
   std::string resolved_path;  // the last answer of resolve_path
   std::map<std::string, ShaderState, std::less<>> shaders;
@@ -113,7 +114,7 @@ struct heddle_frame {
   std::vector<Mapping> mappings;
   // execute: what made surfaces hold, for a snapshot; none where the last one still holds.
   struct Contents {
-    std::uint32_t made = 0;                  // resource
+    std::uint32_t made = 0;                        // resource
     std::array<heddle::vulkan::Buffer, 4> copies;  // vertices, indices, instances, commands
   };
   std::vector<Contents> contents;
@@ -215,7 +216,8 @@ struct Executor::State {
   std::uint32_t view_count = 0;
   vulkan::Buffer draw_commands;  // of drawings that leave out instances
   std::uint64_t draw_command_bytes = 0;
-  std::map<std::pair<VkBuffer, VkBuffer>, VkDescriptorSet> program_sets;  // of this submission: set 3 by vertices, instances
+  std::map<std::pair<VkBuffer, VkBuffer>, VkDescriptorSet>
+      program_sets;                // of this submission: set 3 by vertices, instances
   std::vector<Diagnostic> errors;  // reported by plugins in the running call
 
   State(HostServices& s, ResolvedGraph g) : services(s), original(std::move(g)) {}

@@ -62,7 +62,8 @@ bool Executor::State::copy_contents(ResourceIndex surfaces, heddle_frame& frame)
   if (versions.empty()) return false;
   std::vector<const scene::MadeSurfaces*> made;
   for (const ResourceIndex version : versions) made.push_back(&resources[version].made->surfaces);
-  if (resources[versions.front()].made->snapshot.is_of(*scene, holds_scene(graph, surfaces), made, origin)) return false;
+  if (resources[versions.front()].made->snapshot.is_of(*scene, holds_scene(graph, surfaces), made, origin))
+    return false;
   for (const ResourceIndex version : versions) {
     heddle_frame::Contents contents;
     contents.made = version;
@@ -98,8 +99,7 @@ const scene::Snapshot& Executor::State::take_snapshot(ResourceIndex surfaces, co
       const bool is_list = commands_buffer != kNoIndex && graph.resources[commands_buffer].is_list();
       std::uint32_t appended = ~0U;
       if (is_list) std::memcpy(&appended, copied->copies[3].data(), sizeof appended);
-      made.commands =
-          elements<VkDrawIndexedIndirectCommand>(copied->copies[3], is_list ? kListHead : 0, appended);
+      made.commands = elements<VkDrawIndexedIndirectCommand>(copied->copies[3], is_list ? kListHead : 0, appended);
     }
     all.push_back(made);
   }

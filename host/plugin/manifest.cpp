@@ -28,10 +28,10 @@ constexpr std::array<std::string_view, 8> kParameterTypes{"float", "int",    "bo
 constexpr std::array<std::string_view, 3> kParameterFlags{"knob", "redeclare", "constant"};
 constexpr std::array<std::string_view, 2> kStageKinds{"gpu", "cpu"};
 constexpr std::array<std::string_view, 17> kAccesses{
-    "sampled",       "sampled_linear", "storage_read",    "storage_write", "storage_read_write", "color",
-    "depth",         "depth_read",     "value",           "draw",          "host_read",          "host_write",
-    "transfer_read", "transfer_write", "sampled_compare", "append",
-    "batches"};
+    "sampled",   "sampled_linear", "storage_read",  "storage_write",  "storage_read_write",
+    "color",     "depth",          "depth_read",    "value",          "draw",
+    "host_read", "host_write",     "transfer_read", "transfer_write", "sampled_compare",
+    "append",    "batches"};
 constexpr std::array<std::string_view, 3> kLoopParts{"outside", "before", "after"};
 constexpr std::array<std::string_view, 4> kLoads{"keep", "clear", "dont_care", "clear_new"};
 constexpr std::array<std::string_view, 5> kBlends{"none", "over", "add", "multiply", "tint"};
@@ -258,9 +258,9 @@ class Node {
 };
 
 Port read_port(const Node& node) {
-  node.only({"name", "type", "direction", "flags", "format", "extent_rule", "extent_scale", "width", "height", "layers",
-             "mips", "byte_size", "glsl", "help", "previous_of", "capacity", "element_bytes", "vertices", "indices",
-             "instances", "commands"});
+  node.only({"name",        "type",     "direction",     "flags",    "format",    "extent_rule", "extent_scale",
+             "width",       "height",   "layers",        "mips",     "byte_size", "glsl",        "help",
+             "previous_of", "capacity", "element_bytes", "vertices", "indices",   "instances",   "commands"});
   Port port;
   node.at("name").read(port.name);
   node.at("type").read_word(port.type, kPortTypes);

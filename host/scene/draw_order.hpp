@@ -9,9 +9,9 @@ namespace heddle::scene {
 /// What is sorted: the scene's own instances, or those of made batches.
 struct DrawSource {
   DrawList list;
-  const PlacedBatches* made = nullptr;          // null: the scene's meshes
-  std::vector<const DrawGroup*> groups;         // of the list, that are drawn
-  std::vector<std::uint8_t> is_gone;            // by slot; empty: none is
+  const PlacedBatches* made = nullptr;   // null: the scene's meshes
+  std::vector<const DrawGroup*> groups;  // of the list, that are drawn
+  std::vector<std::uint8_t> is_gone;     // by slot; empty: none is
 };
 
 /// One vkCmdDrawIndexed.
@@ -25,12 +25,13 @@ struct OrderedDraw {
 
 struct OrderedDraws {
   std::vector<OrderedDraw> draws;
-  std::vector<std::uint32_t> indices;  // what first_index of the scene's meshes counts in; empty: SceneBuffers::indices()
+  std::vector<std::uint32_t>
+      indices;  // what first_index of the scene's meshes counts in; empty: SceneBuffers::indices()
 };
 
 /// The instances of all sources by the depth of their bounds' centre along the view's axis, in float64, farthest first;
-/// of equal ones the scene's first one first. With `sorts_triangles` the triangles of each instance of the scene's meshes
-/// as well, by the depth of their centroids. `origin` is the frame's.
+/// of equal ones the scene's first one first. With `sorts_triangles` the triangles of each instance of the scene's
+/// meshes as well, by the depth of their centroids. `origin` is the frame's.
 OrderedDraws order_back_to_front(const Scene& scene, std::span<const DrawSource> sources, const HeddleView& view,
                                  const glm::dvec3& origin, bool sorts_triangles);
 

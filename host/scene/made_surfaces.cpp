@@ -19,8 +19,9 @@ void MadeSurfaces::set(std::vector<MadeBatch> all, std::uint64_t technique_revis
 }
 
 bool MadeSurfaces::has_own_places() const {
-  return std::any_of(batches.begin(), batches.end(),
-                     [](const MadeBatch& batch) { return !batch.is_placed_by_scene() && batch.record.command_count > 0; });
+  return std::any_of(batches.begin(), batches.end(), [](const MadeBatch& batch) {
+    return !batch.is_placed_by_scene() && batch.record.command_count > 0;
+  });
 }
 
 void PlacedBatches::update(const Scene& scene, const SceneBuffers& buffers, const MadeSurfaces& made,
@@ -90,7 +91,8 @@ void mark_placed(const MadeSurfaces& made, std::vector<std::uint8_t>& is_placed)
 
 std::vector<std::uint8_t> by_slot(std::span<const std::uint32_t> order, std::span<const std::uint8_t> by_instance) {
   std::vector<std::uint8_t> slots;
-  if (std::none_of(by_instance.begin(), by_instance.end(), [](std::uint8_t marked) { return marked != 0; })) return slots;
+  if (std::none_of(by_instance.begin(), by_instance.end(), [](std::uint8_t marked) { return marked != 0; }))
+    return slots;
   slots.reserve(order.size());
   for (const std::uint32_t instance : order) slots.push_back(by_instance[instance]);
   return slots;

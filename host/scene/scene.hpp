@@ -66,8 +66,8 @@ struct Mesh {
   std::vector<HeddleVertex> previous_vertices;
 
   // What subdivision needs to know beyond triangles. Faces as they were given, each a number of corners, drawn as a fan
-  // of triangles around its first one; empty: every triangle is a face. Creases are pairs of vertices, an isolated one a
-  // pair of the same.
+  // of triangles around its first one; empty: every triangle is a face. Creases are pairs of vertices, an isolated one
+  // a pair of the same.
   std::vector<std::uint32_t> face_sizes;
   std::vector<std::uint32_t> creases;  // two numbers of vertices each
   std::vector<float> sharpness;        // of each crease

@@ -196,15 +196,17 @@ void add_made(const Scene& scene, const MadeContents& made, std::span<const std:
       for (const std::uint32_t instance : batch.placed) {
         if (instance >= scene.instances.size() || is_gone[instance] != 0) continue;
         const glm::dmat4& matrix = scene.instances[instance].scene_from_object;
-        add_triangles(scene, record.material, matrix, stretch.vertices, stretch.indices, is_mirrored(matrix), origin, data);
+        add_triangles(scene, record.material, matrix, stretch.vertices, stretch.indices, is_mirrored(matrix), origin,
+                      data);
       }
       continue;
     }
     const std::size_t first = std::min<std::size_t>(record.first_command, made.commands.size());
-    for (const auto& command : made.commands.subspan(first, std::min<std::size_t>(record.command_count,
-                                                                                made.commands.size() - first))) {
+    for (const auto& command :
+         made.commands.subspan(first, std::min<std::size_t>(record.command_count, made.commands.size() - first))) {
       const Stretch stretch = stretch_of(made, command.firstIndex, command.indexCount, command.vertexOffset);
-      for (std::uint64_t i = command.firstInstance; i < std::uint64_t{command.firstInstance} + command.instanceCount; ++i) {
+      for (std::uint64_t i = command.firstInstance; i < std::uint64_t{command.firstInstance} + command.instanceCount;
+           ++i) {
         if (i >= made.instances.size()) break;
         glm::dmat4 matrix(1.0);
         for (int k = 0; k < 16; ++k) matrix[k / 4][k % 4] = static_cast<double>(made.instances[i].rel_from_object[k]);
@@ -232,8 +234,9 @@ bool Snapshot::is_of(const Scene& scene, bool holds_scene, std::span<const MadeS
   }
   bool has_own_places = false;
   for (const MadeSurfaces* surfaces : made) has_own_places |= surfaces->has_own_places();
-  return std::equal(made.begin(), made.end(), state_->made_revisions.begin(), state_->made_revisions.end(),
-                    [](const MadeSurfaces* surfaces, std::uint64_t revision) { return surfaces->revision == revision; }) &&
+  return std::equal(
+             made.begin(), made.end(), state_->made_revisions.begin(), state_->made_revisions.end(),
+             [](const MadeSurfaces* surfaces, std::uint64_t revision) { return surfaces->revision == revision; }) &&
          (!has_own_places || state_->made_origin == origin);
 }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A cage of polygons -> uniformly refined quads whose every vertex is a weighted sum of the cage's points, and for each
 // the weights of its place on the limit surface and of two tangents there. Knows no positions: what moves needs no
-// second look at the topology. float64; indices in what follows name the equations of the READMEs of plugins/subdivision.
+// second look at the topology. float64; indices in what follows name the equations of the READMEs of
+// plugins/subdivision.
 //
 // Sources  Catmull and Clark 1978, "Recursively Generated B-Spline Surfaces on Arbitrary Topological Meshes"
 //          DeRose, Kass and Truong 1998, "Subdivision Surfaces in Character Animation": sharpness, and its fractions
@@ -104,13 +105,13 @@ struct Edge {
   [[nodiscard]] bool is_border() const { return faces[1] == kNone; }
 };
 
-/// The neighbourhood of a point, counter-clockwise: edge i, then face i between edges i and i + 1. Of a border point the
-/// first and the last edge are the border's, and there is an edge more than faces.
+/// The neighbourhood of a point, counter-clockwise: edge i, then face i between edges i and i + 1. Of a border point
+/// the first and the last edge are the border's, and there is an edge more than faces.
 struct Fan {
   bool is_closed = true;
   std::vector<Index> edges, faces;
-  std::vector<Index> spokes;     // the point at the other end of each edge
-  std::vector<Index> corners;    // of each face: which of its corners the point is
+  std::vector<Index> spokes;   // the point at the other end of each edge
+  std::vector<Index> corners;  // of each face: which of its corners the point is
 };
 
 class Topology {
@@ -317,7 +318,8 @@ struct RingForm {
   std::vector<double> spokes, across;
 };
 
-/// A part of a fan between two edges that are sharp for ever; all of it where there are none. Each has its own tangents.
+/// A part of a fan between two edges that are sharp for ever; all of it where there are none. Each has its own
+/// tangents.
 struct Sector {
   std::size_t first_face = 0, faces = 0;
   RingForm t1, t2;  // t1 x t2 points outwards
@@ -359,7 +361,8 @@ class Ring {
     const auto next_edge = [&](std::size_t i) { return i + 1 == edges ? 0 : i + 1; };
     for (std::size_t i = 0; i < faces_; ++i) {
       face[i].assign(size, 0);
-      for (const std::size_t at : {std::size_t{0}, spoke(i), across(i), spoke(next_edge(i))}) add(face[i], rows_[at], 0.25);
+      for (const std::size_t at : {std::size_t{0}, spoke(i), across(i), spoke(next_edge(i))})
+        add(face[i], rows_[at], 0.25);
       made[across(i)] = face[i];
     }
     for (std::size_t i = 0; i < edges; ++i) {
@@ -444,7 +447,9 @@ inline void curve_tangents(std::size_t first, std::size_t k, Sector& sector) {
   const std::size_t edges = sector.t1.spokes.size();
   const std::size_t last = (first + k) % edges;
   const auto spoke = [&](RingForm& form, std::size_t i) -> double& { return form.spokes[(first + i) % edges]; };
-  const auto across = [&](RingForm& form, std::size_t i) -> double& { return form.across[(first + i) % form.across.size()]; };
+  const auto across = [&](RingForm& form, std::size_t i) -> double& {
+    return form.across[(first + i) % form.across.size()];
+  };
   if (k >= 4) return fitted_tangents(first, k + 1, std::numbers::pi / static_cast<double>(k), sector);
   sector.t1.spokes[first] = 1;
   sector.t1.spokes[last] = -1;
@@ -475,10 +480,10 @@ inline void curve_tangents(std::size_t first, std::size_t k, Sector& sector) {
   sector.t2.self = ((lambda - 0.5) * s2 + s1) / det;
 }
 
-/// One sharp edge ends at the point, edge `sharp`: no closed form. What a form over the ring becomes after many levels is
-/// its product with the matrix of a level, again and again: with any form that adds up to 1 this ends at the limit (10),
-/// with those that add up to 0 at tangents, one for forms that the sharp edge mirrors onto themselves, one for those that
-/// it mirrors onto their negatives.
+/// One sharp edge ends at the point, edge `sharp`: no closed form. What a form over the ring becomes after many levels
+/// is its product with the matrix of a level, again and again: with any form that adds up to 1 this ends at the limit
+/// (10), with those that add up to 0 at tangents, one for forms that the sharp edge mirrors onto themselves, one for
+/// those that it mirrors onto their negatives.
 inline Limit dart_limit(std::size_t n, std::size_t sharp) {
   std::vector<double> sharpness(n, 0);
   sharpness[sharp] = kInfinite;
@@ -565,7 +570,8 @@ inline Limit settled_limit(std::size_t faces, std::span<const double> sharpness,
       sector.t2.spokes[end % edges] = 1;
       sector.t1.self = sector.t2.self = -1;
     } else {
-      fitted_tangents(sector.first_face, sector.faces + 1, std::numbers::pi / static_cast<double>(sector.faces), sector);
+      fitted_tangents(sector.first_face, sector.faces + 1, std::numbers::pi / static_cast<double>(sector.faces),
+                      sector);
     }
     limit.sectors.push_back(std::move(sector));
   }
@@ -701,11 +707,11 @@ inline Level refine(const Level& parent, Index cage_points) {
 /// A level of quads with the weights of limits. Vertices that surfaces of different tangents share stand there once for
 /// each, with the same weights for their place.
 struct Refined {
-  std::vector<Index> quads;       // four rows each, counter-clockwise from the corner's own vertex
-  std::vector<Index> vertices;    // of each row: the level's vertex, by which rows that share a place are known
-  Weights positions;              // by vertex: as refined
-  Weights limits;                 // by vertex: at the limit
-  Weights t1, t2;                 // by row
+  std::vector<Index> quads;     // four rows each, counter-clockwise from the corner's own vertex
+  std::vector<Index> vertices;  // of each row: the level's vertex, by which rows that share a place are known
+  Weights positions;            // by vertex: as refined
+  Weights limits;               // by vertex: at the limit
+  Weights t1, t2;               // by row
   std::vector<Index> cage_face, cage_corner;  // of each quad
 };
 
@@ -728,9 +734,9 @@ inline Refined take_limits(const Level& level, Index cage_points) {
     std::vector<double> sharpness = sharpness_of(topology, fan);
     const double own = level.point_sharpness[point];
     const bool is_plain = own == 0 && std::all_of(sharpness.begin(), sharpness.end(), [&](const double& s) {
-      const bool is_end = &s == &sharpness.front() || &s == &sharpness.back();
-      return s == (!fan.is_closed && is_end ? kInfinite : 0);
-    });
+                            const bool is_end = &s == &sharpness.front() || &s == &sharpness.back();
+                            return s == (!fan.is_closed && is_end ? kInfinite : 0);
+                          });
     const std::pair key(fan.edges.size(), fan.faces.size());
     std::optional<Limit> own_limit;
     if (is_plain && !settled.contains(key))

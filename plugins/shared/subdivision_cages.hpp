@@ -85,7 +85,8 @@ inline std::array<float, 6> bounds_of(const Object& object, const heddle_scene_m
     for (const std::uint32_t source : object.sources) {
       for (std::size_t k = 0; k < 3; ++k) {
         const float at = vertices[source].position[k];
-        // Sums of float32 may leave the hull by their rounding: at most about 2^-18 of the largest for the longest rows.
+        // Sums of float32 may leave the hull by their rounding: at most about 2^-18 of the largest for the longest
+        // rows.
         const float slack = std::abs(at) * 4e-6F;
         bounds[k] = is_first ? at - slack : std::min(bounds[k], at - slack);
         bounds[3 + k] = is_first ? at + slack : std::max(bounds[3 + k], at + slack);
@@ -243,7 +244,8 @@ inline void make_corners(const heddle_scene_mesh& mesh, const Faces& faces, Obje
   const bool has_coordinates = std::any_of(mesh.vertices, mesh.vertices + mesh.vertex_count, [](const HeddleVertex& v) {
     return v.u0 != 0 || v.v0 != 0 || v.u1 != 0 || v.v1 != 0;
   });
-  for (const std::uint32_t vertex : faces.vertices) carried.push_back(carried_by(mesh.vertices[vertex], has_coordinates));
+  for (const std::uint32_t vertex : faces.vertices)
+    carried.push_back(carried_by(mesh.vertices[vertex], has_coordinates));
   std::vector<std::uint32_t> sizes = faces.sizes;
   for (std::int32_t level = 0; level < object.settings.levels; ++level) {
     carried = refine_carried(sizes, carried);
@@ -316,7 +318,8 @@ inline heddle_status find_objects(const pass::PassHost& host, std::int32_t level
                                   std::vector<std::shared_ptr<Object>>& objects, std::int32_t least = 0) {
   objects.clear();
   std::optional<pass::Components> surfaces;
-  if (const heddle_status status = pass::components(host, nullptr, "subdivision.surface", surfaces); status != HEDDLE_OK)
+  if (const heddle_status status = pass::components(host, nullptr, "subdivision.surface", surfaces);
+      status != HEDDLE_OK)
     return status;
   const pass::Meshes meshes(host);
   std::map<std::pair<std::uint32_t, Settings>, std::shared_ptr<Object>> by_key;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// subdivision/catmull_clark: cages of the scene -> surfaces in the GPU's buffers, refined uniformly by tables of weights.
+// subdivision/catmull_clark: cages of the scene -> surfaces in the GPU's buffers, refined uniformly by tables of
+// weights.
 #include "subdivision_cages.hpp"
 
 namespace {
@@ -31,8 +32,9 @@ enum Stage : std::uint32_t { kTables, kPose, kRefine };
 constexpr heddle_access kTablesAccess[] = {host_write("indices"), host_write("corners"), host_write("rows"),
                                            host_write("influences")};
 constexpr heddle_access kPoseAccess[] = {host_write("points")};
-constexpr heddle_access kRefineAccess[] = {storage_read("corners"), storage_read("rows"),      storage_read("influences"),
-                                           storage_read("points"),  storage_write("vertices"), batches("surfaces")};
+constexpr heddle_access kRefineAccess[] = {storage_read("corners"),    storage_read("rows"),
+                                           storage_read("influences"), storage_read("points"),
+                                           storage_write("vertices"),  batches("surfaces")};
 constexpr heddle_stage kStages[] = {cpu_stage("tables", kTablesAccess), cpu_stage("pose", kPoseAccess),
                                     gpu_stage("refine", kRefineAccess)};
 constexpr heddle_shader kShaders[] = {compute_shader("refine", "refine", "refine.comp.glsl")};
@@ -150,13 +152,19 @@ class CatmullClark {
 
   heddle_status record(const Frame& frame) {
     const Meshes meshes(frame.host());
-    const bool are_all_due = std::none_of(places_.begin(), places_.end(), [](const Place& place) { return place.is_due; });
+    const bool are_all_due =
+        std::none_of(places_.begin(), places_.end(), [](const Place& place) { return place.is_due; });
     std::vector<heddle_batch> all;
     for (Place& place : places_) {
       const std::uint32_t steps = place.has_bent ? place.corner_count() : 0;
       if (place.is_due || are_all_due) {
-        const Push push{place.first_corner, place.corner_count(), place.first_row, place.first_point, place.first_vertex,
-                        place.has_bent ? place.point_count() : 0, steps};
+        const Push push{place.first_corner,
+                        place.corner_count(),
+                        place.first_row,
+                        place.first_point,
+                        place.first_vertex,
+                        place.has_bent ? place.point_count() : 0,
+                        steps};
         const heddle_status status = frame.dispatch("refine", (push.count + 63) / 64, 1, 1, push);
         if (status != HEDDLE_OK) return status;
       }
@@ -257,9 +265,9 @@ class CatmullClark {
 };
 
 constexpr heddle_technique kTechnique = [] {
-  heddle_technique t = technique<CatmullClark>(
-      "subdivision/catmull_clark", "Uniform Catmull-Clark refinement by factorised tables on the GPU",
-      "Brainerd 2016, \"Catmull-Clark Subdivision Surfaces\", GPU Pro 7");
+  heddle_technique t = technique<CatmullClark>("subdivision/catmull_clark",
+                                               "Uniform Catmull-Clark refinement by factorised tables on the GPU",
+                                               "Brainerd 2016, \"Catmull-Clark Subdivision Surfaces\", GPU Pro 7");
   t.ports = list(kPorts, t.port_count);
   t.parameters = list(kParameters, t.parameter_count);
   t.stages = list(kStages, t.stage_count);

@@ -44,8 +44,8 @@ HeddleVertex evaluate(const Object& object, const Corner& corner, const HeddleVe
   const double across = heddle::subdivision::dot(tangent, normal);
   for (std::size_t k = 0; k < 3; ++k) tangent[k] -= across * normal[k];
   const Vector axis = std::abs(normal[0]) < 0.6 ? Vector{1, 0, 0} : Vector{0, 1, 0};
-  tangent = heddle::subdivision::unit(
-      tangent, heddle::subdivision::unit(heddle::subdivision::cross(normal, axis), {1, 0, 0}));
+  tangent = heddle::subdivision::unit(tangent,
+                                      heddle::subdivision::unit(heddle::subdivision::cross(normal, axis), {1, 0, 0}));
   HeddleVertex vertex{};
   store(place, vertex.position);
   store(normal, vertex.normal);

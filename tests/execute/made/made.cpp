@@ -57,7 +57,8 @@ struct Copies {
       auto* to = static_cast<HeddleVertex*>(vertices.data) + first_vertex;
       std::memcpy(to, mesh.vertices, mesh.vertex_count * sizeof(HeddleVertex));
       std::memcpy(to + mesh.vertex_count, mesh.previous_vertices, mesh.vertex_count * sizeof(HeddleVertex));
-      std::memcpy(static_cast<std::uint32_t*>(indices.data) + first_index, mesh.indices, std::size_t{4} * mesh.index_count);
+      std::memcpy(static_cast<std::uint32_t*>(indices.data) + first_index, mesh.indices,
+                  std::size_t{4} * mesh.index_count);
       heddle_batch batch{};
       batch.struct_size = sizeof batch;
       batch.material = mesh.material;
@@ -89,16 +90,22 @@ constexpr heddle_parameter kFieldParameters[] = {
     integer("count", "1", 0, kMost, 24, "squares"),
     triple("place", "m", 0, 0, {-3.5, -1, -8}, "of the first one's centre, in the scene"),
 };
+constexpr heddle_port kSquares = [] {
+  heddle_port p = surfaces_out("surfaces", HEDDLE_INOUT, "vertices", "indices", "squares", "instances", "commands");
+  p.flags = HEDDLE_PORT_OPTIONAL;
+  return p;
+}();
 template <const heddle_port& kCommands>
 constexpr heddle_port kFieldPorts[] = {
-    surfaces_out("surfaces", HEDDLE_INOUT, "vertices", "indices", "squares", "instances", "commands"),
+    kSquares,
     buffer_out("vertices", 4 * sizeof(HeddleVertex), "HeddleVertex vertices[];", "of one square"),
     buffer_out("indices", 6 * 4, "uint indices[];", "of one square"),
     buffer_out("instances", kMost * sizeof(HeddleInstance), "HeddleInstance instances[];", "where squares stand"),
     kCommands,
 };
 constexpr heddle_port kListed = list_out("commands", kMost, 20, "uint[5] commands[];", "a draw a square");
-constexpr heddle_port kCounted = buffer_out("commands", kMost * std::uint64_t{20}, "uint commands[];", "a draw a square");
+constexpr heddle_port kCounted =
+    buffer_out("commands", kMost* std::uint64_t{20}, "uint commands[];", "a draw a square");
 constexpr heddle_access kListedAccess[] = {storage_write("vertices"), storage_write("indices"),
                                            storage_write("instances"), appended("commands"), batches("surfaces")};
 constexpr heddle_access kCountedAccess[] = {storage_write("vertices"), storage_write("indices"),
@@ -128,21 +135,20 @@ struct Field {
 // ---- look
 constexpr std::uint32_t kSide = 256;
 constexpr heddle_port kLookPorts[] = {
-    surfaces_in("surfaces", "what is looked at"),
-    value_out("seen", 16, "triangles, vertices", "uvec4 seen;"),
+    surfaces_in("triangles", "what is looked at"),
     image_out_sized("color", VK_FORMAT_R32G32B32A32_SFLOAT, 1, 1,
                     "triangles, vertices, sums of x and of y of all corners in metres", HEDDLE_PORT_KEPT),
     image_out_sized("points", VK_FORMAT_R32G32B32A32_SFLOAT, kSide, kSide,
                     "layer 0: positions in the scene; 1: normals; 2: corners of triangles", HEDDLE_PORT_KEPT, 3),
 };
-constexpr heddle_access kLook[] = {host_read("surfaces"), host_write("color"), host_write("points"), value("seen")};
+constexpr heddle_access kLook[] = {host_read("triangles"), host_write("color"), host_write("points")};
 constexpr heddle_stage kLookStages[] = {cpu_stage("look", kLook)};
 struct Look {
   heddle_status execute(const Frame& frame) const {
     const heddle_snapshot* snapshot = nullptr;
     heddle_alpha_test alpha = nullptr;
     heddle_mapped color{};
-    heddle_status status = frame.snapshot("surfaces", snapshot, alpha);
+    heddle_status status = frame.snapshot("triangles", snapshot, alpha);
     if (status == HEDDLE_OK) status = frame.map("color", color);
     if (status != HEDDLE_OK) return status;
     double x = 0, y = 0;
@@ -162,15 +168,15 @@ struct Look {
     std::fill_n(texels, 3 * 4 * kTexels, 0.0F);
     for (std::size_t i = 0; i < std::min<std::size_t>(snapshot->vertex_count, kTexels); ++i) {
       for (std::size_t k = 0; k < 3; ++k) {
-        texels[4 * i + k] = static_cast<float>(static_cast<double>(snapshot->positions[3 * i + k]) + snapshot->origin[k]);
+        texels[4 * i + k] =
+            static_cast<float>(static_cast<double>(snapshot->positions[3 * i + k]) + snapshot->origin[k]);
         texels[4 * (kTexels + i) + k] = snapshot->normals[3 * i + k];
       }
     }
     for (std::size_t i = 0; i < std::min<std::size_t>(snapshot->triangle_count, kTexels); ++i)
       for (std::size_t k = 0; k < 3; ++k)
         texels[4 * (2 * kTexels + i) + k] = static_cast<float>(snapshot->indices[3 * i + k]);
-    const std::uint32_t seen[4] = {snapshot->triangle_count, snapshot->vertex_count, 0, 0};
-    return frame.set_value<std::uint32_t>("seen", seen);
+    return HEDDLE_OK;
   }
 };
 

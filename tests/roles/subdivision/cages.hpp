@@ -76,7 +76,8 @@ inline Mesh torus(int around, int across) {
   for (int i = 0; i < around; ++i)
     for (int j = 0; j < across; ++j) {
       const double u = 2 * std::numbers::pi * i / around, v = 2 * std::numbers::pi * j / across;
-      mesh.points.push_back({(2 + 0.7 * std::cos(v)) * std::cos(u), 0.7 * std::sin(v), -(2 + 0.7 * std::cos(v)) * std::sin(u)});
+      mesh.points.push_back(
+          {(2 + 0.7 * std::cos(v)) * std::cos(u), 0.7 * std::sin(v), -(2 + 0.7 * std::cos(v)) * std::sin(u)});
     }
   const auto at = [&](int i, int j) { return static_cast<Index>((i % around) * across + j % across); };
   for (int i = 0; i < around; ++i)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Weights of refinement and limits, float64: closed forms, what refinement itself tends to, and invariants. Needs no host
-// and no device.
+// Weights of refinement and limits, float64: closed forms, what refinement itself tends to, and invariants. Needs no
+// host and no device.
 #include "cages.hpp"
 
 #include <gtest/gtest.h>
@@ -14,8 +14,8 @@ using cages::Point;
 double largest_distance(const Refined& refined, const std::vector<Point>& points) {
   double largest = 0;
   for (std::size_t v = 0; v < refined.limits.count(); ++v)
-    largest = std::max(largest, cages::distance(cages::weigh(refined.positions, v, points),
-                                                cages::weigh(refined.limits, v, points)));
+    largest = std::max(
+        largest, cages::distance(cages::weigh(refined.positions, v, points), cages::weigh(refined.limits, v, points)));
   return largest;
 }
 
@@ -73,7 +73,8 @@ TEST(Weights, OfARegularSurfaceAreTheBicubicBSpline) {
       for (int b = 0; b < 4; ++b) {
         const Point& p = torus.points[static_cast<std::size_t>((i + a + kAround - 1) % kAround * kAcross +
                                                                (j + b + kAcross - 1) % kAcross)];
-        for (std::size_t k = 0; k < 3; ++k) at[k] += u[static_cast<std::size_t>(a)] * v[static_cast<std::size_t>(b)] * p[k];
+        for (std::size_t k = 0; k < 3; ++k)
+          at[k] += u[static_cast<std::size_t>(a)] * v[static_cast<std::size_t>(b)] * p[k];
       }
     return at;
   };
@@ -92,8 +93,9 @@ TEST(Weights, OfARegularSurfaceAreTheBicubicBSpline) {
           const double d = cages::distance(at, sum(i, j, basis(u), basis(v)));
           if (d >= nearest) continue;
           nearest = d;
-          turn = cages::distance(cages::unit(normal_of(refined, row, torus.points)),
-                                 cages::unit(cages::cross(sum(i, j, slope(u), basis(v)), sum(i, j, basis(u), slope(v)))));
+          turn =
+              cages::distance(cages::unit(normal_of(refined, row, torus.points)),
+                              cages::unit(cages::cross(sum(i, j, slope(u), basis(v)), sum(i, j, basis(u), slope(v)))));
         }
       EXPECT_LT(nearest, 1e-13);
       EXPECT_LT(turn, 1e-12);
@@ -236,7 +238,8 @@ TEST(Weights, AddUpToOneAndAreNeverNegative) {
         EXPECT_NEAR(sum, 1, 1e-13);
       }
     for (std::size_t row = 0; row < refined.vertices.size(); ++row)
-      for (const Weights* weights : {&refined.t1, &refined.t2}) {  // differences: a tangent does not move with the surface
+      for (const Weights* weights :
+           {&refined.t1, &refined.t2}) {  // differences: a tangent does not move with the surface
         double sum = 0, largest = 0;
         for (const double value : weights->values_of(row)) {
           sum += value;
@@ -250,7 +253,8 @@ TEST(Weights, AddUpToOneAndAreNeverNegative) {
 
 TEST(Weights, KeepSharpEdgesWhereTheyAre) {
   Mesh cube = cages::cube();
-  for (const Edge& edge : level_zero(cube.cage).topology.edges) cube.cage.sharp_edges.push_back({edge.points, kInfinite});
+  for (const Edge& edge : level_zero(cube.cage).topology.edges)
+    cube.cage.sharp_edges.push_back({edge.points, kInfinite});
   const Refined refined = refine_to_limit(cube.cage, 3);
   for (std::size_t row = 0; row < refined.vertices.size(); ++row) {
     const Point at = cages::weigh(refined.limits, refined.vertices[row], cube.points);
