@@ -2,6 +2,7 @@
 // What the techniques draw: places and normals against float64, holes counted, hard cases, and that nothing is done
 // where nothing is subdivided.
 #include "cages.hpp"
+#include "roles/readme.hpp"
 #include "roles/rendering.hpp"
 
 #include "shared/subdivision_cages.hpp"
@@ -176,9 +177,12 @@ Mesh creased_cube() {
 }
 
 TEST(Subdivision, AgreesWithFloat64WithinItsRounding) {
-  for (const Mesh& mesh : {cages::cube(), creased_cube(), cages::torus(8, 6), cages::fan(12)}) {
+  Mesh far = cages::cube();
+  for (Point& point : far.points) point[0] += 1000;
+  for (const Mesh& mesh : {cages::cube(), far, creased_cube(), cages::torus(8, 6), cages::fan(12), cages::fan(128)}) {
     const Given given(mesh);
     for (const std::int32_t level : {1, 2, 3}) {
+      if (level > 1 && mesh.points.size() > 1000) continue;
       for (const bool at_limit : {true, false}) {
         Scene scene;
         add(scene, given, "{\"levels\": " + std::to_string(level) + "}");
@@ -377,6 +381,16 @@ TEST(Subdivision, MovesWithItsInstance) {
       EXPECT_NEAR(motion.at(x, y, 1), 0.05 * pixels, 0.01);
     }
   EXPECT_GT(covered, 500U);
+}
+
+TEST(Subdivision, HasItsParametersInItsReadme) {
+  const char* text = nullptr;
+  check(heddle_list(Host::get().handle, &text));
+  for (const char* id : {"subdivision/catmull_clark", "subdivision/limit"}) {
+    const std::string table = parameter_table(nlohmann::json::parse(text), id);
+    EXPECT_FALSE(table.empty());
+    EXPECT_THAT(readme_of(id), HasSubstr(table));
+  }
 }
 
 TEST(Subdivision, RefusesMoreThanItHasRoomFor) {
