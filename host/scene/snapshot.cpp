@@ -12,7 +12,6 @@
 #include "scene/upload.hpp"
 
 namespace heddle::scene {
-namespace {
 
 /// Alpha of one masked material, copied, so that the snapshot outlives changes of the scene.
 struct AlphaLook {
@@ -41,6 +40,8 @@ struct SnapshotData {
   glm::dvec3 made_origin{0.0};  // of instances that techniques placed
 };
 static_assert(std::is_standard_layout_v<SnapshotData>);
+
+namespace {
 
 std::int64_t wrapped(std::int64_t texel, std::int64_t size, std::uint32_t mode) {
   if (mode == 2) {
