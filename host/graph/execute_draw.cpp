@@ -88,7 +88,7 @@ std::vector<Source> find_sources(Executor::State& executor, ResourceIndex surfac
   };
   std::vector<std::uint8_t> is_gone(executor.scene->instances.size(), 0);
   for (const ResourceIndex version : executor.made_versions(surfaces)) {
-    Made& made = *executor.resources[version].made;
+    SurfacesState& made = *executor.resources[version].made;
     const scene::PlacedBatches& placed = executor.place(made);
     const BatchBuffers buffers = batch_buffers_of(executor.graph, version);
     Source source;

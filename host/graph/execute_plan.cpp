@@ -130,15 +130,15 @@ void Executor::State::note_content(const scene::Scene& rendered) {
   }
 }
 
-void Executor::State::plan(const scene::Scene& planned_scene) {
-  planned_environment = environment_extent(planned_scene);
-  plan(planned_scene.features());
+void Executor::State::plan(const scene::Scene& rendered) {
+  planned_environment = environment_extent(rendered);
+  plan(rendered.features());
   const auto reads_environment = [&](const Pass& pass) {
     return !pass.is_pruned && std::ranges::any_of(pass.ports, [&](const auto& bound) {
       return is_environment(graph.resources[bound.second]);
     });
   };
-  if (planned_scene.environment && std::ranges::none_of(graph.passes, reads_environment)) {
+  if (rendered.environment && std::ranges::none_of(graph.passes, reads_environment)) {
     services.log(Severity::kWarning,
                  fmt::format("{}: the scene has an environment, and no pass of this graph reads it; "
                              "graph 'environment' does, with technique sky/environment_map",

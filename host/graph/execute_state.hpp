@@ -24,7 +24,7 @@ struct Value {
 };
 
 /// What a pass made of surfaces, and what the host makes of that in a submission.
-struct Made {
+struct SurfacesState {
   scene::MadeSurfaces surfaces;
   scene::PlacedBatches placed;  // valid while is_placed
   bool is_placed = false;
@@ -43,7 +43,7 @@ struct ResourceState {
   VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;  // now; tracked while recording
   std::uint32_t appended = 0;                        // list: how often shaders have, as counted last
   bool is_adopted = false;                           // holds what an earlier plan left
-  std::unique_ptr<Made> made;                        // surfaces that a pass made; null: it has set no batches yet
+  std::unique_ptr<SurfacesState> made;               // surfaces that a pass made; null: it has set no batches yet
 };
 
 struct ShaderState {
@@ -303,9 +303,9 @@ struct Executor::State {
   void draw_surfaces(const PassState& pass, const ShaderState& shader, const heddle_draw& drawing,
                      const HeddleView& view);
 
-  // Made surfaces (execute_surfaces.cpp).
+  // SurfacesState surfaces (execute_surfaces.cpp).
   void set_batches(ResourceIndex surfaces, std::vector<scene::MadeBatch> batches, std::uint64_t revision);
-  const scene::PlacedBatches& place(Made& made);
+  const scene::PlacedBatches& place(SurfacesState& made);
   /// The versions that passes made and that hold something, the newest first.
   [[nodiscard]] std::vector<ResourceIndex> made_versions(ResourceIndex surfaces) const;
   [[nodiscard]] VkBuffer buffer_of(ResourceIndex buffer) const;

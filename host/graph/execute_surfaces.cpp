@@ -21,15 +21,15 @@ std::span<const Element> elements(const vulkan::Buffer& copy, std::uint64_t head
 
 void Executor::State::set_batches(ResourceIndex surfaces, std::vector<scene::MadeBatch> batches,
                                   std::uint64_t revision) {
-  std::unique_ptr<Made>& made = resources[surfaces].made;
-  if (!made) made = std::make_unique<Made>();
+  std::unique_ptr<SurfacesState>& made = resources[surfaces].made;
+  if (!made) made = std::make_unique<SurfacesState>();
   // Draws of this submission that are recorded already read it.
   if (made->is_placed && made->instances) frame_buffers.push_back(std::move(made->instances));
   made->is_placed = false;
   made->surfaces.set(std::move(batches), revision);
 }
 
-const scene::PlacedBatches& Executor::State::place(Made& made) {
+const scene::PlacedBatches& Executor::State::place(SurfacesState& made) {
   if (made.is_placed) return made.placed;
   made.placed.update(*scene, *scene_buffers, made.surfaces, origin);
   made.is_placed = true;

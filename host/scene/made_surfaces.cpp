@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <tuple>
 
 namespace heddle::scene {
 
@@ -27,12 +26,7 @@ bool MadeSurfaces::has_own_places() const {
 void PlacedBatches::update(const Scene& scene, const SceneBuffers& buffers, const MadeSurfaces& made,
                            const glm::dvec3& origin) {
   *this = {};
-  struct Key {
-    std::uint32_t flags = 0, flip = 0, texture_group = 0, batch = 0, instance = 0;
-    [[nodiscard]] auto state() const { return std::tie(flags, flip, texture_group); }
-    [[nodiscard]] auto all() const { return std::tie(flags, flip, texture_group, batch, instance); }
-  };
-  std::vector<Key> keys;
+  std::vector<DrawKey> keys;
   for (std::uint32_t b = 0; b < made.batches.size(); ++b) {
     const MadeBatch& batch = made.batches[b];
     // Another scene than the one that the batches were made for: the technique is about to be told.
@@ -53,32 +47,21 @@ void PlacedBatches::update(const Scene& scene, const SceneBuffers& buffers, cons
       keys.push_back({flags, flips ? 1U : 0U, texture_group, b, instance});
     }
   }
-  constexpr std::uint32_t kClasses = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_BLENDED;
-  std::sort(keys.begin(), keys.end(), [](const Key& a, const Key& b) {
-    return std::pair(a.flags & kClasses, a.all()) < std::pair(b.flags & kClasses, b.all());
+  draws_ = group_draws(std::move(keys), [&](std::uint32_t b) {
+    const heddle_batch& batch = made.batches[b].record;
+    return VkDrawIndexedIndirectCommand{batch.index_count, 0, batch.first_index, batch.vertex_offset, 0};
   });
   std::vector<Box> boxes;
-  for (std::size_t i = 0; i < keys.size(); ++i) {
-    const Key& key = keys[i];
-    const heddle_batch& batch = made.batches[key.batch].record;
-    const bool is_same_state = i > 0 && keys[i - 1].state() == key.state();
-    if (!is_same_state) {
-      groups_.push_back({key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(commands_.size()), 0,
-                         static_cast<std::uint32_t>(i), 0});
+  for (std::size_t c = 0; c < draws_.commands.size(); ++c) {
+    const heddle_batch& batch = made.batches[draws_.geometries[c]].record;
+    const std::array<glm::vec3, 2> bounds{glm::vec3(batch.bounds[0], batch.bounds[1], batch.bounds[2]),
+                                          glm::vec3(batch.bounds[3], batch.bounds[4], batch.bounds[5])};
+    for (std::uint32_t i = 0; i < draws_.commands[c].instanceCount; ++i) {
+      const std::uint32_t instance = draws_.order[draws_.commands[c].firstInstance + i];
+      bounds_.push_back(bounds);
+      instances_.push_back(place(scene, instance, origin, batch.material, batch.previous_vertex));
+      boxes.push_back(bounding_box(bounds, instances_.back()));
     }
-    ++groups_.back().instance_count;
-    if (is_same_state && keys[i - 1].batch == key.batch) {
-      ++commands_.back().instanceCount;
-    } else {
-      commands_.push_back(
-          {batch.index_count, 1, batch.first_index, batch.vertex_offset, static_cast<std::uint32_t>(i)});
-      ++groups_.back().command_count;
-    }
-    order_.push_back(key.instance);
-    bounds_.push_back({glm::vec3(batch.bounds[0], batch.bounds[1], batch.bounds[2]),
-                       glm::vec3(batch.bounds[3], batch.bounds[4], batch.bounds[5])});
-    instances_.push_back(place(scene, key.instance, origin, batch.material, batch.previous_vertex));
-    boxes.push_back(bounding_box(bounds_.back(), instances_.back()));
   }
   boxes_.assign(std::move(boxes));
 }

@@ -27,7 +27,7 @@ struct MadeSurfaces {
 class PlacedBatches {
  public:
   void update(const Scene& scene, const SceneBuffers& buffers, const MadeSurfaces& made, const glm::dvec3& origin);
-  [[nodiscard]] DrawList draws() const { return {groups_, commands_, order_, &boxes_}; }
+  [[nodiscard]] DrawList draws() const { return {draws_.groups, draws_.commands, draws_.order, &boxes_}; }
   [[nodiscard]] std::span<const HeddleInstance> instances() const { return instances_; }
   /// Object space, of a slot's batch.
   [[nodiscard]] const std::array<glm::vec3, 2>& bounds(std::uint32_t slot) const { return bounds_.at(slot); }
@@ -35,9 +35,8 @@ class PlacedBatches {
   [[nodiscard]] std::span<const DrawGroup> own_groups() const { return own_groups_; }
 
  private:
-  std::vector<DrawGroup> groups_, own_groups_;
-  std::vector<VkDrawIndexedIndirectCommand> commands_;
-  std::vector<std::uint32_t> order_;
+  GroupedDraws draws_;  // geometries: batches
+  std::vector<DrawGroup> own_groups_;
   std::vector<HeddleInstance> instances_;
   std::vector<std::array<glm::vec3, 2>> bounds_;
   InstanceBoxes boxes_;

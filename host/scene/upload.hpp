@@ -35,6 +35,23 @@ struct DrawList {
   }
 };
 
+/// What an instance's draw depends on.
+struct DrawKey {
+  std::uint32_t flags = 0, flip = 0, texture_group = 0;
+  std::uint32_t geometry = 0;  // a mesh, or whatever else is drawn there
+  std::uint32_t instance = 0;  // of the scene
+};
+struct GroupedDraws {
+  std::vector<DrawGroup> groups;
+  std::vector<VkDrawIndexedIndirectCommand> commands;
+  std::vector<std::uint32_t> geometries;  // of each command
+  std::vector<std::uint32_t> order;       // the scene's instance of each slot
+};
+/// Sorted by what draws must differ in: equal geometries side by side become one command, equal state one group.
+/// `geometry` gives the indices of one.
+GroupedDraws group_draws(std::vector<DrawKey> keys,
+                         const std::function<VkDrawIndexedIndirectCommand(std::uint32_t)>& geometry);
+
 /// The record of an instance, of a mesh of `material`, relative to `origin`; previous_vertex as in HeddleInstance.
 HeddleInstance place(const Scene& scene, std::uint32_t instance, const glm::dvec3& origin, std::uint32_t material,
                      std::uint32_t previous_vertex);

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Subdivided cages: a cube, the same with creases, a lidded cup that is open, and a figure extruded from boxes.
+"""Subdivided cages: a cube, the same with creases, a cup, and a figure extruded from boxes.
 
 Everything but the floor and the small cage carries subdivision.surface. In the shipped graphs the pass `subdivision` makes
 surfaces of them; to see cages: heddle run scripts/scenes/subdivision.py --set subdivision.technique=none
@@ -41,7 +41,7 @@ def build(scene) -> None:
     floor = scene.material("floor", (0.5, 0.5, 0.5, 1), roughness=0.9)
     clay = scene.material("clay", (0.62, 0.36, 0.26, 1), roughness=0.6)
     blue = scene.material("blue", (0.2, 0.32, 0.6, 1), roughness=0.4)
-    green = scene.material("green", (0.35, 0.5, 0.25, 1), roughness=0.5)
+    green = scene.material("green", (0.35, 0.5, 0.25, 1), roughness=0.5, double_sided=True)
     scene.instance(scene.mesh(material=floor, name="floor", **shapes.quad((-8, 0, 6), (16, 0, 0), (0, 0, -12))), name="floor")
 
     positions, faces = cube()
@@ -70,4 +70,4 @@ def build(scene) -> None:
     scene.component("subdivision.surface", {"levels": 3}, instance=one)
 
     scene.light("directional", (60000.0,) * 3, direction=(-0.5, -1, -0.6), name="sun")
-    scene.camera((0.4, 2.2, 6.2), (0, 0.85, 0), vertical_angle=0.62, name="front")
+    scene.camera((0, 2.9, 7.4), (-0.1, 0.85, 0), vertical_angle=0.58, name="front")
