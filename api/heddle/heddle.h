@@ -103,6 +103,16 @@ typedef struct heddle_mesh {
   const float* uv1;          /* x 2, or NULL */
   const float* colors;       /* x 4, linear, or NULL */
   const uint32_t* indices;
+  /* Faces with any number of corners, in place of triangles: `indices` then holds the corners of all, face after face,
+   * counter-clockwise. They are drawn as fans of triangles around their first corners, so they should be convex and nearly
+   * flat; what subdivides surfaces sees the faces. 0: triangles */
+  uint32_t face_count;
+  uint32_t crease_count;
+  const uint32_t* face_sizes; /* face_count numbers of corners, 3 or more each */
+  /* What a subdivided surface keeps sharp: crease_count edges as pairs of vertices, a vertex by itself as a pair of the
+   * same, and how sharp each is: 0 smooth, n sharp for n levels, 10 and above for ever */
+  const uint32_t* creases;
+  const float* sharpness;
 } heddle_mesh;
 
 /* Material of the application: texture_layer and texture_group are ignored, `textures` are ids of textures. */

@@ -53,6 +53,7 @@
 #pragma once
 
 #include <heddle/components.h>
+#include <heddle/meshes.h>
 #include <heddle/plugin.h>
 
 #include <array>
@@ -167,6 +168,17 @@ constexpr heddle_port artifact_in(const char* name, const char* help, std::uint3
 constexpr heddle_port report_out(const char* name, const char* help) {
   return port(name, HEDDLE_PORT_REPORT, HEDDLE_OUT, help);
 }
+/// Surfaces that lie in buffers of the technique: vertices and indices, and where it places them itself, instances and
+/// commands. HEDDLE_INOUT: beside what the port is bound to.
+constexpr heddle_port surfaces_out(const char* name, std::uint32_t direction, const char* vertices, const char* indices,
+                                   const char* help, const char* instances = nullptr, const char* commands = nullptr) {
+  heddle_port p = port(name, HEDDLE_PORT_SURFACES, direction, help);
+  p.vertices = vertices;
+  p.indices = indices;
+  p.instances = instances;
+  p.commands = commands;
+  return p;
+}
 
 /// An input that reads last frame's version of the kept output `output` of the same technique.
 constexpr heddle_port previous_of(const char* output, heddle_port p) {
@@ -271,6 +283,9 @@ constexpr heddle_access value(const char* p) {
 }
 constexpr heddle_access drawn(const char* p) {
   return access(p, HEDDLE_ACCESS_DRAW);
+}
+constexpr heddle_access batches(const char* p) {
+  return access(p, HEDDLE_ACCESS_BATCHES);
 }
 constexpr heddle_access host_read(const char* p) {
   return access(p, HEDDLE_ACCESS_HOST_READ);
@@ -501,7 +516,7 @@ class PassHost {
   const heddle_pass_host* host_;
 };
 
-/// One component of the rendered scene: a row for each thing that has it. Valid until the frame's call returns; empty
+/// One component of the rendered scene: a row for each thing that has it. Valid until the running call returns; empty
 /// on a host without the service.
 class Components {
  public:
@@ -551,6 +566,46 @@ class Components {
   heddle_component_table table_;
 };
 
+/// The scene's meshes and instances; valid until the running call returns. Empty on a host without the service.
+class Meshes {
+ public:
+  explicit Meshes(const PassHost& host)
+      : host_(host), service_(host.service<heddle_meshes_service>(HEDDLE_MESHES_SERVICE)) {
+    content_.struct_size = sizeof content_;
+    if (service_ != nullptr) service_->content(host_.raw(), &content_);
+  }
+  [[nodiscard]] const heddle_scene_content& content() const { return content_; }
+  [[nodiscard]] heddle_scene_mesh mesh(std::uint32_t index) const {
+    heddle_scene_mesh out{};
+    out.struct_size = sizeof out;
+    if (service_ != nullptr) service_->mesh(host_.raw(), index, &out);
+    return out;
+  }
+  [[nodiscard]] heddle_scene_instance instance(std::uint32_t index) const {
+    heddle_scene_instance out{};
+    out.struct_size = sizeof out;
+    if (service_ != nullptr) service_->instance(host_.raw(), index, &out);
+    return out;
+  }
+
+ private:
+  PassHost host_;
+  const heddle_meshes_service* service_;
+  heddle_scene_content content_{};
+};
+
+/// A component that the technique names in `components`; *out is empty on an error. frame NULL: in declare.
+inline heddle_status components(const PassHost& host, heddle_frame* frame, const char* name,
+                                std::optional<Components>& out) {
+  heddle_component_table table{};
+  table.struct_size = sizeof table;
+  heddle_status status = HEDDLE_OK;
+  const auto* service = host.service<heddle_components_service>(HEDDLE_COMPONENTS_SERVICE);
+  if (service != nullptr) status = service->table(host.raw(), frame, name, &table);
+  out.emplace(status == HEDDLE_OK ? table : heddle_component_table{});
+  return status;
+}
+
 /// One record or execute call: the stage, the frame, and what may be done in it. Not to be kept.
 class Frame {
  public:
@@ -577,13 +632,7 @@ class Frame {
 
   /// A component that the technique names in `components`; *out is empty on an error.
   [[nodiscard]] heddle_status components(const char* name, std::optional<Components>& out) const {
-    heddle_component_table table{};
-    table.struct_size = sizeof table;
-    heddle_status status = HEDDLE_OK;
-    const auto* service = host().service<heddle_components_service>(HEDDLE_COMPONENTS_SERVICE);
-    if (service != nullptr) status = service->table(host_, frame_, name, &table);
-    out.emplace(status == HEDDLE_OK ? table : heddle_component_table{});
-    return status;
+    return pass::components(host(), frame_, name, out);
   }
 
   // cpu stages
@@ -662,6 +711,10 @@ class Frame {
     return d;
   }
   heddle_status draw(const heddle_draw& drawing) const { return host_->draw(host_, frame_, &drawing); }
+  /// What a surfaces port of the technique holds from now on; revision 0: its buffers may hold anything.
+  heddle_status set_batches(const char* port_name, std::span<const heddle_batch> list, std::uint64_t revision) const {
+    return host_->set_batches(host_, frame_, port_name, list.data(), static_cast<std::uint32_t>(list.size()), revision);
+  }
   void barrier() const { host_->barrier(host_, frame_); }
   template <typename T>
   heddle_status update_buffer(const char* port_name, std::uint64_t offset, std::span<const T> data) const {

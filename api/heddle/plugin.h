@@ -78,6 +78,13 @@ typedef struct heddle_port {
   /* list that the pass makes: elements that it holds, 0 is legal; and bytes of one, as std430 lays them out in the array:
      a multiple of 4. byte_size is 0 */
   uint32_t capacity, element_bytes;
+  /* surfaces, out or inout: the technique's own out buffers that its batches lie in (heddle_batch). HeddleVertex[]; uint[];
+     where it places its batches itself also HeddleInstance[] and, as an array or a list, VkDrawIndexedIndirectCommand[].
+     NULL: it has none */
+  const char* vertices;
+  const char* indices;
+  const char* instances;
+  const char* commands;
 } heddle_port;
 
 /* ---- Parameters --------------------------------------------------------------------------------------------------- */
@@ -130,6 +137,7 @@ typedef struct heddle_parameter {
 #define HEDDLE_ACCESS_TRANSFER_WRITE 13u
 #define HEDDLE_ACCESS_SAMPLED_COMPARE 14u /* depth image: sampler2DShadow / sampler2DArrayShadow, linear, GREATER_OR_EQUAL */
 #define HEDDLE_ACCESS_APPEND 15u          /* list: bool append_NAME(element), and nothing else in the same stage */
+#define HEDDLE_ACCESS_BATCHES 16u         /* surfaces, out or inout: the one stage, gpu or cpu, that calls set_batches */
 
 #define HEDDLE_LOAD_KEEP 0u
 #define HEDDLE_LOAD_CLEAR 1u
@@ -377,6 +385,31 @@ typedef struct heddle_draw {
   uint32_t cull;  /* HEDDLE_CULL_* */
 } heddle_draw;
 
+/* Triangles of one material in the buffers of a surfaces port that a technique makes: `vertices` holds HeddleVertex,
+ * `indices` numbers of vertices, three a triangle, counter-clockwise from the front. They are drawn as the scene's are,
+ * by all that draw, and are in snapshots. Which of the port's stages writes what of the buffers is the graph's business:
+ * whoever draws waits for all of them.
+ *
+ * Either the scene places the batch: it is drawn where `placed` of its instances are, in the place of their own meshes,
+ * which are gone from an inout port (a batch without indices just takes them away). The host makes their HeddleInstance,
+ * leaves out what is out of view, and sorts blended ones by depth, not their triangles.
+ * Or the technique does (placed 0): `commands`, from first_command on, draw what `instances` says; counts stay on the
+ * GPU. Every command draws with the flags and textures of this batch. Nothing is left out or sorted: with an order by
+ * depth they come before all others. Of a list of commands the first command_count are drawn, as far as it holds any
+ * (first_command 0). */
+typedef struct heddle_batch {
+  uint32_t struct_size;
+  uint32_t material; /* id, as HeddleMaterial::id: textures, and HEDDLE_SURFACE_* of the draws */
+  uint32_t first_index, index_count;
+  int32_t vertex_offset;    /* added to each index */
+  uint32_t previous_vertex; /* placed by the scene: as in HeddleInstance */
+  float bounds[6];          /* placed by the scene: least and greatest corner of all its positions, object space */
+  uint32_t placed;          /* instances of the scene */
+  uint32_t is_flipped;      /* placed by the technique: front faces are clockwise */
+  const uint32_t* instances; /* `placed` ids, as HeddleInstance::object; each in one batch of the port at most */
+  uint32_t first_command, command_count;
+} heddle_batch;
+
 /* What record and execute are given beside the frame. Functions of one table; fields are appended only. */
 struct heddle_pass_host {
   uint32_t struct_size;
@@ -400,7 +433,8 @@ struct heddle_pass_host {
   heddle_status (*set_shape)(const heddle_pass_host* self, const char* port, const heddle_shape* shape);
 
   /* Shape of a bound port; in declare: of inputs; later: of all. Of the scene's environment: the image's width and
-   * height; when they change, passes are declared again. [record-thread] */
+   * height; when they change, passes are declared again. What follows from the scene's meshes: heddle/meshes.h.
+   * [record-thread] */
   heddle_status (*shape)(const heddle_pass_host* self, const char* port, heddle_shape* out);
 
   /* CPU twin of a role's function, from the provider bound to this pass (the first one); NULL if absent.
@@ -496,6 +530,15 @@ struct heddle_pass_host {
                            const heddle_report_row* row);
   /* In save_state: bytes behind those of earlier calls. Copied. [record-thread] */
   heddle_status (*keep_state)(const heddle_pass_host* self, heddle_frame* frame, const void* data, uint64_t bytes);
+
+  /* ---- surfaces ---- */
+  /* In record and execute of the stage that declares the port as BATCHES: what the port holds until the next call, of an
+   * inout port beside what it is bound to. Copied. While the stage answers HEDDLE_KEEP it stays; HEDDLE_NOTHING leaves no
+   * batch. The same `revision` as last time means that vertices, indices, instances and commands hold what they held:
+   * snapshots then go on; 0: they may hold anything. HEDDLE_BUG if a batch does not lie in the port's buffers, or names
+   * what the scene does not have. [record-thread] */
+  heddle_status (*set_batches)(const heddle_pass_host* self, heddle_frame* frame, const char* port,
+                               const heddle_batch* batches, uint32_t count, uint64_t revision);
 };
 
 /* ---- Technique ---------------------------------------------------------------------------------------------------- */

@@ -190,8 +190,7 @@ VkDescriptorBufferInfo Executor::State::storage_of(Value& value) {
 
 /// Components as shaders see them; made anew when a component changed, or for another scene.
 void Executor::State::set_component_values(const scene::Scene& rendered) {
-  // Both only grow, and content revisions of two scenes are far apart: no two tables have the same number.
-  component_revision = rendered.content_revision + rendered.components.revision();
+  const std::uint64_t component_revision = scene::component_revision(rendered);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
     const bool is_scene = resource.producer == kNoIndex && resource.history_of == kNoIndex;
@@ -264,45 +263,49 @@ std::uint32_t Executor::State::add_view(const HeddleView& view) {
     if (views) frame_buffers.push_back(std::move(views));
     views = device->make_buffer(size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, true);
     view_count = 0;
-    program_set = VK_NULL_HANDLE;
+    program_sets.clear();
   }
   const std::uint32_t offset = view_count * kStride;
   std::memcpy(views.data() + offset, &view, sizeof view);
   device->note_host_write(views, offset, sizeof view);
   ++view_count;
-  if (program_set == VK_NULL_HANDLE) {
-    const heddle_vulkan& vk = device->table();
-    program_set = allocate_set(program_layout);
-    const std::array<VkDescriptorBufferInfo, 4> buffers{{{scene_buffers->vertices().handle(), 0, VK_WHOLE_SIZE},
-                                                         {scene_buffers->instances().handle(), 0, VK_WHOLE_SIZE},
-                                                         {scene_buffers->materials().handle(), 0, VK_WHOLE_SIZE},
-                                                         {views.handle(), 0, sizeof(HeddleView)}}};
-    std::array<VkWriteDescriptorSet, 4> writes{};
-    for (std::uint32_t i = 0; i < writes.size(); ++i) {
-      writes[i] = {VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
-      writes[i].dstSet = program_set;
-      writes[i].dstBinding = i;
-      writes[i].descriptorCount = 1;
-      writes[i].descriptorType = i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-      writes[i].pBufferInfo = &buffers[i];
-    }
-    vk.UpdateDescriptorSets(vk.device, writes.size(), writes.data(), 0, nullptr);
-  }
   return offset;
 }
 
-Executor::State::DrawRange Executor::State::draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum) {
-  constexpr std::uint64_t kStride = sizeof(VkDrawIndexedIndirectCommand);
-  const DrawRange whole{scene_buffers->commands().handle(), group.first_command * kStride, group.command_count};
-  if (!variant.culls) {
-    stats.instances_drawn += group.instance_count;
-    return whole;
+/// Set 3 of a drawing from these buffers; made once for a submission's views.
+VkDescriptorSet Executor::State::make_program_set(VkBuffer vertices, VkBuffer instances) {
+  VkDescriptorSet& set = program_sets[{vertices, instances}];
+  if (set != VK_NULL_HANDLE) return set;
+  const heddle_vulkan& vk = device->table();
+  set = allocate_set(program_layout);
+  const std::array<VkDescriptorBufferInfo, 4> buffers{{{vertices, 0, VK_WHOLE_SIZE},
+                                                       {instances, 0, VK_WHOLE_SIZE},
+                                                       {scene_buffers->materials().handle(), 0, VK_WHOLE_SIZE},
+                                                       {views.handle(), 0, sizeof(HeddleView)}}};
+  std::array<VkWriteDescriptorSet, 4> writes{};
+  for (std::uint32_t i = 0; i < writes.size(); ++i) {
+    writes[i] = {VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
+    writes[i].dstSet = set;
+    writes[i].dstBinding = i;
+    writes[i].descriptorCount = 1;
+    writes[i].descriptorType = i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+    writes[i].pBufferInfo = &buffers[i];
   }
-  const scene::VisibleDraws visible = scene_buffers->visible(group, frustum);
+  vk.UpdateDescriptorSets(vk.device, writes.size(), writes.data(), 0, nullptr);
+  return set;
+}
+
+Executor::State::DrawRange Executor::State::draw_range(const scene::DrawList& list, const scene::DrawGroup& group,
+                                                       const scene::Frustum& frustum,
+                                                       std::span<const std::uint8_t> is_gone, VkBuffer own) {
+  constexpr std::uint64_t kStride = sizeof(VkDrawIndexedIndirectCommand);
+  const scene::VisibleDraws visible = list.visible(group, variant.culls ? &frustum : nullptr, is_gone);
   stats.instances_drawn += visible.drawn;
   stats.instances_culled += visible.culled;
-  if (visible.culled == 0) return whole;
   if (visible.drawn == 0) return {};
+  if (own != VK_NULL_HANDLE && visible.drawn == group.instance_count) {
+    return {own, group.first_command * kStride, group.command_count};
+  }
   const std::uint64_t bytes = visible.commands.size() * kStride;
   if (!draw_commands || draw_command_bytes + bytes > draw_commands.size()) {
     const std::uint64_t size = std::max<std::uint64_t>({draw_commands ? draw_commands.size() * 2 : 0, bytes, 4096});
@@ -324,8 +327,12 @@ void Executor::State::write_neutral(PassState& state, const ScheduledStage& stag
   for (const Access& access : declared.accesses) {
     const auto found = pass.ports.find(access.port);
     if (found == pass.ports.end()) continue;
-    const AccessInfo use = access_info(access.access, PortType::kImage, graph.resources[found->second].format);
     ResourceState& target = root(found->second);
+    if (access.access == HEDDLE_ACCESS_BATCHES) {
+      set_batches(found->second, {}, 0);
+      continue;
+    }
+    const AccessInfo use = access_info(access.access, PortType::kImage, graph.resources[found->second].format);
     if (!use.writes || !target.image) continue;
     const RolePort* port = pass.role->find_port(access.port);
     const VkImageLayout layout = target.layout;
@@ -382,6 +389,10 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     const auto found = pass.ports.find(access.port);
     if (found == pass.ports.end()) continue;
     ResourceState& target = root(found->second);
+    if (access.access == HEDDLE_ACCESS_HOST_READ && graph.resources[found->second].type == PortType::kSurfaces) {
+      reads_device = copy_contents(found->second, frame) || reads_device;
+      continue;
+    }
     if (!target.image && !target.buffer) continue;
     const Resource& resource = graph.resources[target.root];
     if (declared.is_late(access, resource.type)) {
@@ -416,6 +427,9 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     else
       device->note_host_read(mapping.staging);
   }
+  for (const heddle_frame::Contents& contents : frame.contents)
+    for (const vulkan::Buffer& copy : contents.copies)
+      if (copy) device->note_host_read(copy);
   execute_stage(state, scheduled, frame);
   for (heddle_frame::Mapping& mapping : frame.mappings) {
     if (mapping.is_written) {
@@ -532,11 +546,15 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
   State& s = *state_;
   // Nothing of a failed frame may reach the next: its plan, values and recorded commands go.
   try {
+    s.planned_scene = &rendered;
     const bool has_new_artifacts = s.run_jobs(rendered);
     if (has_new_artifacts || !s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
+    s.note_content(rendered);
     if (s.is_redeclare_due()) s.redeclare();
+    s.planned_scene = nullptr;
     s.run_frame(rendered, options);
   } catch (...) {
+    s.planned_scene = nullptr;
     s.commands = VK_NULL_HANDLE;
     s.previous_camera.reset();
     s.unplan();

@@ -292,7 +292,9 @@ void Executor::State::run_job(const scene::Scene& rendered, const FrameOptions& 
     }
     unplan();
     forget_frames();
+    planned_scene = &rendered;
     plan(rendered);
+    planned_scene = nullptr;
     run_frame(rendered, options);
     for (const PassIndex index : ready)
       if (!has_lasting(index))
@@ -313,6 +315,7 @@ const JobResult& Executor::run_job(const scene::Scene& scene, const FrameOptions
     s.run_job(scene, options, names);
     s.stop_if_cancelled();
   } catch (...) {
+    s.planned_scene = nullptr;
     s.commands = VK_NULL_HANDLE;
     s.unplan();
     throw;

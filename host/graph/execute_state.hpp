@@ -5,6 +5,8 @@
 #include "graph/execute.hpp"
 #include "graph/execute_keys.hpp"
 
+#include "scene/made_surfaces.hpp"
+
 #include <algorithm>
 #include <chrono>
 #include <exception>
@@ -23,6 +25,15 @@ struct Value {
   std::uint64_t revision = 0;  // of what a scene's components made; 0: of something else
 };
 
+/// What a pass made of surfaces, and what the host makes of that in a submission.
+struct SurfacesState {
+  scene::MadeSurfaces surfaces;
+  scene::PlacedBatches placed;  // valid while is_placed
+  bool is_placed = false;
+  vulkan::Buffer instances;  // HeddleInstance of those that the scene places
+  scene::Snapshot snapshot;  // of the version's triangles and all beneath
+};
+
 /// Run-time side of a Resource. Later versions of images and buffers point to their first version by `root`.
 struct ResourceState {
   ResourceIndex root = kNoIndex;
@@ -34,6 +45,7 @@ struct ResourceState {
   VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;  // now; tracked while recording
   std::uint32_t appended = 0;                        // list: how often shaders have, as counted last
   bool is_adopted = false;                           // holds what an earlier plan left
+  std::unique_ptr<SurfacesState> made;               // surfaces that a pass made; null: it has set no batches yet
 };
 
 struct ShaderState {
@@ -70,9 +82,11 @@ struct PassState {
   bool is_declaring = false;  // inside declare
   bool is_preparing = false;  // inside prepare
   bool is_prepared = false;
-  bool is_adopted = false;       // the object of an earlier plan
-  bool is_redeclared = false;    // and while it is planned: declared and prepared again
-  bool wants_redeclare = false;  // asked for it; due before the next frame
+  bool is_adopted = false;         // the object of an earlier plan
+  bool is_redeclared = false;      // and while it is planned: declared and prepared again
+  bool wants_redeclare = false;    // asked for it; due before the next frame
+  bool declares_by_scene = false;  // asked for the scene's meshes or components in declare, when they were
+  std::array<std::uint64_t, 2> declared_content{};  // these revisions
   const Stage* cached_stage =
       nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
   vulkan::GeneratedTexts texts;
@@ -101,6 +115,12 @@ struct heddle_frame {
     std::vector<std::byte> zeros;  // `late` when nothing has arrived
   };
   std::vector<Mapping> mappings;
+  // execute: what made surfaces hold, for a snapshot; none where the last one still holds.
+  struct Contents {
+    std::uint32_t made = 0;                        // resource
+    std::array<heddle::vulkan::Buffer, 4> copies;  // vertices, indices, instances, commands
+  };
+  std::vector<Contents> contents;
   std::chrono::steady_clock::time_point began, told;  // execute, and when the person at the screen was last told of it
   std::uint32_t slice = 0;                            // how often the stage has answered HEDDLE_MORE
   bool stops_at_slices = false;                       // and nowhere else
@@ -152,6 +172,7 @@ struct Executor::State {
   std::vector<std::uint8_t> is_outdated;  // passes that must run in this plan's first frame; empty: none
   std::vector<std::string> planned_features;
   std::array<std::uint32_t, 2> planned_environment{};  // width, height
+  const scene::Scene* planned_scene = nullptr;         // while it is planned for; null: for any
   Order order;
   std::vector<MemoryNeed> needs;
   std::uint32_t memory_types = 0;  // that serve them all
@@ -183,9 +204,8 @@ struct Executor::State {
   // Scene side.
   const scene::Scene* scene = nullptr;
   std::unique_ptr<scene::SceneBuffers> scene_buffers;
-  scene::Snapshot snapshot;
+  scene::Snapshot snapshot, empty_snapshot;
   std::map<std::string, ComponentRows, std::less<>> component_rows;
-  std::uint64_t component_revision = 0;
   std::optional<heddle_camera> previous_camera;
   glm::dvec3 origin{0.0}, previous_origin{0.0};
   std::vector<std::byte> inputs;  // of the last frame, all that techniques can see: what is_still compares
@@ -203,7 +223,8 @@ struct Executor::State {
   std::uint32_t view_count = 0;
   vulkan::Buffer draw_commands;  // of drawings that leave out instances
   std::uint64_t draw_command_bytes = 0;
-  VkDescriptorSet program_set = VK_NULL_HANDLE;
+  std::map<std::pair<VkBuffer, VkBuffer>, VkDescriptorSet>
+      program_sets;                // of this submission: set 3 by vertices, instances
   std::vector<Diagnostic> errors;  // reported by plugins in the running call
   std::exception_ptr stop_reason;  // of whoever was told of progress, to be thrown when nothing is half done
 
@@ -213,6 +234,7 @@ struct Executor::State {
   void plan(const scene::Scene& scene);
   void plan(const std::vector<std::string>& features, bool is_restoring = false);
   void redeclare();
+  void note_content(const scene::Scene& scene);
   void plan_memory(const std::vector<std::string>& features);
   void find_wanted();
   void find_needs();
@@ -249,6 +271,8 @@ struct Executor::State {
   /// What the plan depends on of a scene is as it was.
   [[nodiscard]] bool is_planned_for(const scene::Scene& scene) const;
   void set_component_values(const scene::Scene& scene);
+  /// The scene that a pass may ask of: in declare and prepare the one that is planned for, if any.
+  [[nodiscard]] const scene::Scene* asked_scene(PassState& pass) const;
   void set_value(ResourceIndex resource, std::span<const std::byte> bytes);
   void turn_histories();
   void carry_over(ResourceIndex newest, ResourceIndex history);
@@ -316,12 +340,22 @@ struct Executor::State {
   void write_neutral(PassState& pass, const ScheduledStage& stage);
   void clear_image(ResourceState& state, const Resource& resource, const std::array<double, 4>& value);
   VkDescriptorSet allocate_set(VkDescriptorSetLayout layout);
+  VkDescriptorSet make_program_set(VkBuffer vertices, VkBuffer instances);
   VkDescriptorSet port_set(const PassState& pass, const ShaderState& shader, std::uint32_t set);
   void bind(const PassState& pass, const ShaderState& shader, const vulkan::Pipeline& pipeline, const void* push,
             std::uint32_t push_bytes);
   vulkan::Buffer switch_table(const Pass& caller, const std::string& role);
   void draw_surfaces(const PassState& pass, const ShaderState& shader, const heddle_draw& drawing,
                      const HeddleView& view);
+
+  // SurfacesState surfaces (execute_surfaces.cpp).
+  void set_batches(ResourceIndex surfaces, std::vector<scene::MadeBatch> batches, std::uint64_t revision);
+  const scene::PlacedBatches& place(SurfacesState& made);
+  /// The versions that passes made and that hold something, the newest first.
+  [[nodiscard]] std::vector<ResourceIndex> made_versions(ResourceIndex surfaces) const;
+  [[nodiscard]] VkBuffer buffer_of(ResourceIndex buffer) const;
+  bool copy_contents(ResourceIndex surfaces, heddle_frame& frame);
+  const scene::Snapshot& take_snapshot(ResourceIndex surfaces, const heddle_frame& frame);
   void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer);
   [[nodiscard]] VkExtent2D attachment_extent(const Pass& pass, const Stage& stage) const;
   std::uint32_t add_view(const HeddleView& view);
@@ -330,7 +364,9 @@ struct Executor::State {
     std::uint64_t offset = 0;
     std::uint32_t count = 0;
   };
-  DrawRange draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum);
+  /// `own`: the list's commands as they lie on the device; null: nowhere.
+  DrawRange draw_range(const scene::DrawList& list, const scene::DrawGroup& group, const scene::Frustum& frustum,
+                       std::span<const std::uint8_t> is_gone, VkBuffer own);
   void throw_if_failed(const PassState& pass, heddle_status status, std::string_view what);
 
   // Lists (execute_lists.cpp).

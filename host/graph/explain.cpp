@@ -26,7 +26,9 @@ std::string flag_words(Flag flags, const std::array<std::pair<Flag, std::string_
 }
 
 std::string stages_text(VkPipelineStageFlags2 stages) {
-  static constexpr std::array<std::pair<VkPipelineStageFlags2, std::string_view>, 7> kWords{{
+  static constexpr std::array<std::pair<VkPipelineStageFlags2, std::string_view>, 9> kWords{{
+      {VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT, "draw_indirect"},
+      {VK_PIPELINE_STAGE_2_INDEX_INPUT_BIT, "index_input"},
       {VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT, "vertex"},
       {VK_PIPELINE_STAGE_2_EARLY_FRAGMENT_TESTS_BIT, "early_depth"},
       {VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT, "fragment"},
@@ -39,7 +41,9 @@ std::string stages_text(VkPipelineStageFlags2 stages) {
 }
 
 std::string access_text(VkAccessFlags2 access) {
-  static constexpr std::array<std::pair<VkAccessFlags2, std::string_view>, 9> kWords{{
+  static constexpr std::array<std::pair<VkAccessFlags2, std::string_view>, 11> kWords{{
+      {VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT, "indirect_read"},
+      {VK_ACCESS_2_INDEX_READ_BIT, "index_read"},
       {VK_ACCESS_2_SHADER_SAMPLED_READ_BIT, "sampled_read"},
       {VK_ACCESS_2_SHADER_STORAGE_READ_BIT, "storage_read"},
       {VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT, "storage_write"},

@@ -39,7 +39,7 @@ bool is_host_access(std::uint32_t access) {
 bool is_write(std::uint32_t access) {
   return access == HEDDLE_ACCESS_STORAGE_WRITE || access == HEDDLE_ACCESS_STORAGE_READ_WRITE ||
          access == HEDDLE_ACCESS_COLOR || access == HEDDLE_ACCESS_DEPTH || access == HEDDLE_ACCESS_HOST_WRITE ||
-         access == HEDDLE_ACCESS_TRANSFER_WRITE || access == HEDDLE_ACCESS_APPEND;
+         access == HEDDLE_ACCESS_TRANSFER_WRITE || access == HEDDLE_ACCESS_APPEND || access == HEDDLE_ACCESS_BATCHES;
 }
 
 bool fits_port(std::uint32_t access, PortType type) {
@@ -52,7 +52,7 @@ bool fits_port(std::uint32_t access, PortType type) {
     case PortType::kValue:
       return access == HEDDLE_ACCESS_VALUE || is_host_access(access);
     case PortType::kSurfaces:
-      return access == HEDDLE_ACCESS_DRAW || is_host_access(access);
+      return access == HEDDLE_ACCESS_DRAW || access == HEDDLE_ACCESS_HOST_READ || access == HEDDLE_ACCESS_BATCHES;
     case PortType::kArtifact:
     case PortType::kReport:
       return access == HEDDLE_ACCESS_VALUE;
@@ -87,6 +87,7 @@ class Rules {
     for (const Function& function : technique_.functions) check_function(function);
     check_loop();
     check_outputs();
+    for (const Port& port : technique_.ports) check_surfaces(port);
     return std::move(broken_);
   }
 
@@ -172,6 +173,39 @@ class Rules {
     }
     if ((port.flags & ~HEDDLE_PORT_OPTIONAL) != 0 || port.byte_size != 0) {
       complain(what + ": artifacts and reports have no size and no flags but HEDDLE_PORT_OPTIONAL");
+    }
+  }
+
+  // Made surfaces lie in buffers that the technique makes, and one stage says what is in them.
+  void check_surfaces(const Port& port) {
+    const std::string what = fmt::format("port '{}'", port.name);
+    const std::array<std::pair<std::string_view, const std::string*>, 4> buffers{{{"vertices", &port.vertices},
+                                                                                  {"indices", &port.indices},
+                                                                                  {"instances", &port.instances},
+                                                                                  {"commands", &port.commands}}};
+    const bool is_made = port.type == PortType::kSurfaces && port.direction != Direction::kIn;
+    for (const auto& [field, name] : buffers) {
+      if (name->empty()) continue;
+      const Port* buffer = technique_.find_port(*name);
+      const bool is_buffer = buffer != nullptr && buffer->type == PortType::kBuffer &&
+                             buffer->direction == Direction::kOut && (!buffer->is_list() || field == "commands");
+      if (!is_made || !is_buffer) {
+        complain(fmt::format("{}: {} names nothing that batches could lie in", what, field),
+                 fmt::format("\"{}\"", *name),
+                 is_made ? "an out buffer of the technique, a list for commands alone" : "NULL: it makes no surfaces");
+      }
+    }
+    if (!is_made) return;
+    if (port.vertices.empty() || port.indices.empty() || port.instances.empty() != port.commands.empty()) {
+      complain(what + ": its batches have no place", {}, "vertices and indices; instances and commands both or none");
+    }
+    const auto makers = std::count_if(technique_.stages.begin(), technique_.stages.end(), [&](const Stage& stage) {
+      return std::any_of(stage.accesses.begin(), stage.accesses.end(), [&](const Access& access) {
+        return access.port == port.name && access.access == HEDDLE_ACCESS_BATCHES;
+      });
+    });
+    if (makers != 1) {
+      complain(what + ": one stage sets its batches", fmt::format("{} with HEDDLE_ACCESS_BATCHES", makers), "one");
     }
   }
 
@@ -278,7 +312,7 @@ class Rules {
         complain(place + ": there is no such port", {}, "one of " + join_names(ports));
         continue;
       }
-      bool is_known = check_choice(place, "access", access.access, HEDDLE_ACCESS_APPEND);
+      bool is_known = check_choice(place, "access", access.access, HEDDLE_ACCESS_BATCHES);
       is_known = check_choice(place, "load", access.load, HEDDLE_LOAD_CLEAR_NEW) && is_known;
       is_known = check_choice(place, "blend", access.blend, HEDDLE_BLEND_TINT) && is_known;
       if (!is_known) continue;
@@ -314,11 +348,12 @@ class Rules {
                  fmt::format("{} colour attachments", colors), "one");
       }
       const bool is_host = is_host_access(access.access);
-      const bool is_right = stage.kind == StageKind::kCpu ? is_host || access.access == HEDDLE_ACCESS_VALUE : !is_host;
-      if (access.access <= HEDDLE_ACCESS_APPEND && !is_right) {
+      const bool is_of_both = access.access == HEDDLE_ACCESS_VALUE || access.access == HEDDLE_ACCESS_BATCHES;
+      const bool is_right = stage.kind == StageKind::kCpu ? is_host || is_of_both : !is_host;
+      if (access.access <= HEDDLE_ACCESS_BATCHES && !is_right) {
         complain(fmt::format("{}: access to '{}' is not of its kind", what, access.port),
                  fmt::format("HEDDLE_ACCESS {}", access.access),
-                 stage.kind == StageKind::kCpu ? "HOST_READ, HOST_WRITE or VALUE in a cpu stage"
+                 stage.kind == StageKind::kCpu ? "HOST_READ, HOST_WRITE, VALUE or BATCHES in a cpu stage"
                                                : "no HOST_READ and no HOST_WRITE in a gpu stage");
       }
       if (stage.kind == StageKind::kGpu) check_not_lasting(access, what);

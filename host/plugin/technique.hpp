@@ -101,7 +101,8 @@ struct Port {
   std::string help;
   std::string previous_of;  // an output of the same technique
   std::string types;        // GLSL that `glsl` needs before it; of components, never in a descriptor
-  std::uint32_t capacity = 0, element_bytes = 0;  // lists
+  std::uint32_t capacity = 0, element_bytes = 0;       // lists
+  std::string vertices, indices, instances, commands;  // made surfaces: buffers of the same technique
   [[nodiscard]] bool is_optional() const { return (flags & HEDDLE_PORT_OPTIONAL) != 0; }
   [[nodiscard]] bool is_kept() const { return (flags & HEDDLE_PORT_KEPT) != 0; }
   [[nodiscard]] bool is_list() const { return (flags & HEDDLE_PORT_LIST) != 0; }

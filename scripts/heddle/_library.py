@@ -77,7 +77,8 @@ class Mesh(Structure):
         ("struct_size", c_uint32), ("vertex_count", c_uint32), ("index_count", c_uint32), ("reserved", c_uint32),
         ("positions", POINTER(c_float)), ("normals", POINTER(c_float)), ("tangents", POINTER(c_float)),
         ("uv0", POINTER(c_float)), ("uv1", POINTER(c_float)), ("colors", POINTER(c_float)),
-        ("indices", POINTER(c_uint32)),
+        ("indices", POINTER(c_uint32)), ("face_count", c_uint32), ("crease_count", c_uint32),
+        ("face_sizes", POINTER(c_uint32)), ("creases", POINTER(c_uint32)), ("sharpness", POINTER(c_float)),
     ]
 
 

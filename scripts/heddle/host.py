@@ -330,9 +330,18 @@ class Scene(_Object):
 
     def mesh(self, positions: ArrayLike, material: int, indices: ArrayLike | None = None,
              normals: ArrayLike | None = None, tangents: ArrayLike | None = None, uv0: ArrayLike | None = None,
-             uv1: ArrayLike | None = None, colors: ArrayLike | None = None, name: str | None = None) -> int:
+             uv1: ArrayLike | None = None, colors: ArrayLike | None = None, name: str | None = None,
+             faces: Sequence[Sequence[int]] | None = None,
+             creases: Sequence[tuple[int, int, float]] | None = None) -> int:
         """positions (n, 3) metres; indices (m, 3) or (3m,); normals (n, 3); tangents (n, 4); uv0, uv1 (n, 2);
-        colors (n, 4) linear. Normals and tangents are made where missing. Returns the id."""
+        colors (n, 4) linear. Normals and tangents are made where missing. Returns the id.
+
+        faces: in place of indices: lists of vertices, 3 or more each, counter-clockwise, convex and nearly flat. They are
+            drawn as triangles; what subdivides surfaces sees the faces.
+        creases: edges that a subdivided surface keeps sharp: (vertex, vertex, sharpness), a vertex by itself as (vertex,
+            vertex, sharpness) with the same twice. 0 is smooth, n sharp for n levels, 10 and above for ever."""
+        if faces is not None and indices is not None:
+            raise Error(2, "error: a mesh has indices and faces: expected one of them")
         arrays = {
             "positions": _floats(positions, 3, "positions"), "normals": _floats(normals, 3, "normals"),
             "tangents": _floats(tangents, 4, "tangents"), "uv0": _floats(uv0, 2, "uv0"), "uv1": _floats(uv1, 2, "uv1"),
@@ -342,10 +351,17 @@ class Scene(_Object):
         for what, array in arrays.items():
             if array is not None and len(array) != count:
                 raise Error(2, f"error: {what} has {len(array)} rows: expected {count}, as positions")
+        sizes = None if faces is None else np.array([len(face) for face in faces], dtype=np.uint32)
+        if faces is not None:
+            indices = [corner for face in faces for corner in face]
         index = None if indices is None else np.ascontiguousarray(indices, dtype=np.uint32).reshape(-1)
+        edges = None if creases is None else np.array([(a, b) for a, b, _ in creases], dtype=np.uint32).reshape(-1)
+        sharpness = None if creases is None else np.array([s for _, _, s in creases], dtype=np.float32)
         record = c.Mesh(ctypes.sizeof(c.Mesh), count, 0 if index is None else len(index), 0,
                         *[_pointer(array, ctypes.c_float) for array in arrays.values()],
-                        _pointer(index, ctypes.c_uint32))
+                        _pointer(index, ctypes.c_uint32), 0 if sizes is None else len(sizes),
+                        0 if sharpness is None else len(sharpness), _pointer(sizes, ctypes.c_uint32),
+                        _pointer(edges, ctypes.c_uint32), _pointer(sharpness, ctypes.c_float))
         return self._add(_heddle.heddle_scene_add_mesh, name, ctypes.byref(record), ctypes.c_uint32(material))
 
     def instance(self, mesh: int, transform: ArrayLike | None = None, name: str | None = None) -> int:
