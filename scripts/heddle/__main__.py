@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterable
 from time import sleep, time_ns
 
 from . import Error, Graph, Host, Scene, version
+from . import compare as heddle_compare
 from ._library import CANCELLED
 
 Update = Callable[[Scene, float], None]
@@ -455,12 +456,12 @@ def compare(arguments: argparse.Namespace) -> int:
                     host.write_image(folder / f"{pass_name}_{name}_port.png", image)
                     print(f"wrote {folder / f'{pass_name}_{name}_port.png'}")
             difference = folder / f"{pass_name}_difference.png"
-            metrics = host.compare(images[0], images[1], difference)
+            host.compare(images[0], images[1], difference)
             print(f"wrote {difference}")
             print(f"{arguments.port or 'output'}: {names[0]} against {names[1]}")
-            for key, formula in METRICS.items():
-                value = metrics[key]
-                print(f"  {key:<16} {'infinite' if value is None else format(value, '.6g'):>12}   {formula}")
+            for key, metric in heddle_compare(images[0], images[1], arguments.metric or None).items():
+                value = metric["value"]
+                print(f"  {key:<16} {'infinite' if value is None else format(value, '.6g'):>12}   {metric['formula']}")
             print(f"median frame time of {arguments.repeats} interleaved frames each:")
             for name, values in zip(names, times):
                 print(f"  {name:<16} {statistics.median(values):10.2f} ms   ({min(values):.2f} to {max(values):.2f})")
@@ -468,13 +469,6 @@ def compare(arguments: argparse.Namespace) -> int:
             for graph in graphs:
                 graph.close()
     return 0
-
-
-METRICS = {
-    "rmse": "sqrt(mean (a-b)^2)", "mse": "mean (a-b)^2", "relmse": "mean (a-b)^2 / (b^2 + 0.01)",
-    "psnr": "10 log10(1 / mse), dB", "mean_difference": "mean (a-b)", "maximum": "max |a-b|",
-    "percentile_99": "99th percentile of |a-b|",
-}
 
 
 def say(arguments: argparse.Namespace, text: str) -> None:
@@ -537,6 +531,7 @@ def main() -> int:
         else:
             command.add_argument("--swap", required=True, help="PASS=A,B; B is the reference")
             command.add_argument("--port", help="compare this port, PASS.PORT, not the output")
+            command.add_argument("--metric", action="append", default=[], help="only this one, repeatable")
             command.add_argument("--folder", default="out")
             command.add_argument("--repeats", type=int, default=3)
     arguments = parser.parse_args()
