@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in Python.
+"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in
+Python; `python3 -m heddle study ...`: experiments.
 
 A scene file defines `build(scene)`, called with an empty heddle.Scene, and if things move `update(scene, time)`.
 """
@@ -471,6 +472,12 @@ def compare(arguments: argparse.Namespace) -> int:
     return 0
 
 
+def study(arguments: argparse.Namespace) -> int:
+    from .study_run import run_study
+
+    return run_study(arguments, stop_if_asked)
+
+
 def say(arguments: argparse.Namespace, text: str) -> None:
     if not arguments.quiet:
         print(text, file=sys.stderr)
@@ -534,6 +541,22 @@ def main() -> int:
             command.add_argument("--metric", action="append", default=[], help="only this one, repeatable")
             command.add_argument("--folder", default="out")
             command.add_argument("--repeats", type=int, default=3)
+    command = commands.add_parser("study", help="measure error and time of techniques over their knobs")
+    command.set_defaults(body=study)
+    command.add_argument("files", nargs="*", help="a study (.toml), or the name of a shipped one; with --role: scenes")
+    command.add_argument("--role", help="study all techniques of this role over all their knobs, without a file")
+    command.add_argument("--set", action="append", default=[], help="with --role: change the graph: extent=[320,180]")
+    command.add_argument("--folder", help="where results go (default: out/NAME of the study)")
+    command.add_argument("--device", help="part of a device's name, or its index")
+    command.add_argument("--rounds", type=int, help="instead of the file's: more rounds see smaller differences")
+    command.add_argument("--budget", type=float, help="minutes; a study that would take longer says so and ends before it "
+                                                      "times anything")
+    command.add_argument("--timeout", type=float, default=300, help="seconds after which a variant that does not answer "
+                                                                    "counts as hung")
+    command.add_argument("--dry-run", action="store_true", help="check the file, say what would be measured, render nothing")
+    command.add_argument("--gate", action="store_true", help="exit status 1 if anything is worse than the first variant, 2 if "
+                                                             "undecided, else 0")
+    command.add_argument("--quiet", "-q", action="store_true")
     arguments = parser.parse_args()
     stop_on_signals()
     try:

@@ -82,6 +82,11 @@ def _walsh_bound(n: int, confidence: float) -> int:
     return int(inside[-1]) if len(inside) else -1
 
 
+@functools.lru_cache(maxsize=None)
+def _pairs(n: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    return np.triu_indices(n)
+
+
 def difference(differences: ArrayLike, confidence: float = 1.0 - FALSE_VERDICTS) -> Interval:
     """The middle of paired differences (Hodges and Lehmann: the median of the means of all pairs) with the interval that
     inverts the signed-rank test.
@@ -91,7 +96,7 @@ def difference(differences: ArrayLike, confidence: float = 1.0 - FALSE_VERDICTS)
     d = np.asarray(differences, dtype=np.float64).ravel()
     if len(d) == 0 or not np.all(np.isfinite(d)):
         raise ValueError("a difference needs at least one round, all of them finite")
-    first, second = np.triu_indices(len(d))
+    first, second = _pairs(len(d))
     means = np.sort(0.5 * (d[first] + d[second]))
     value = float(np.median(means))
     k = _walsh_bound(len(d), confidence)
@@ -225,17 +230,22 @@ def floor_of(differences: ArrayLike) -> float:
 
 def warm_up(times: ArrayLike, window: int = 5, spread: float = 4.0) -> int | None:
     """How many frames at the beginning are not yet like the second half: the first index from which a window's median is
-    within `spread` deviations of the second half's median. None: never; the frames are still changing.
+    within `spread` deviations of the second half's median. None: never; the frames are still changing, because the second
+    half's own two halves differ by as much.
 
-    The deviation is the second half's median absolute one (x 1.4826: a normal distribution's own), at least 1 % of the
-    median, so that a run that hardly varies does not wait for nothing.
+    The deviation is the median absolute one (x 1.4826: a normal distribution's own) of the second half's halves about
+    their own medians, at least 1 % of the median, so that a run that hardly varies does not wait for nothing.
     """
     values = np.asarray(times, dtype=np.float64).ravel()
     if len(values) < 2 * window:
         raise ValueError(f"a warm-up of {len(values)} frames: at least {2 * window} are needed")
     rest = values[len(values) // 2:]
     middle = float(np.median(rest))
-    deviation = max(1.4826 * float(np.median(np.abs(rest - middle))), 0.01 * abs(middle))
+    parts = np.array_split(rest, 2)
+    residuals = np.concatenate([part - np.median(part) for part in parts])
+    deviation = max(1.4826 * float(np.median(np.abs(residuals))), 0.01 * abs(middle))
+    if abs(float(np.median(parts[1]) - np.median(parts[0]))) > spread * deviation:
+        return None
     for start in range(len(values) // 2 + 1):
         if abs(float(np.median(values[start:start + window])) - middle) <= spread * deviation:
             return start
