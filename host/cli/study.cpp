@@ -21,9 +21,10 @@ void add_study(CLI::App& app) {
   command->add_option("--rounds", "instead of the file's: more rounds see smaller differences");
   command->add_option("--budget", "minutes; a study that would take longer says so and ends before it times anything");
   command->add_option("--timeout", "seconds after which a variant that does not answer counts as hung (default: 300)");
-  command->add_flag("--dry-run", "check the file, say what would be measured, render nothing");
-  command->add_flag("--gate", "exit status 1 if anything is worse than the first variant, 2 if undecided, else 0");
-  command->add_flag("--quiet,-q", "no progress on standard error");
+  command->add_flag("--dry-run")->description("check the file, say what would be measured, render nothing");
+  command->add_flag("--gate")->description(
+      "exit status 1 if anything is worse than the first variant, 2 if undecided, else 0");
+  command->add_flag("--quiet,-q")->description("no progress on standard error");
 }
 
 }  // namespace heddle::cli

@@ -24,6 +24,7 @@ class SceneChoice:
     camera: str | None
     time: float
     overlays: tuple[str, ...]
+    where: str = ""  # its file:line:column in the study
 
     @property
     def name(self) -> str:
@@ -107,10 +108,13 @@ class Places:
             elif key := re.match(r"\s*\"?([\w\-]+)\"?(?:\.[\w\-.]+)?\s*=", line):
                 self._places.setdefault((*table, key[1]), (number, key.start(1) + 1))
 
-    def error(self, path: tuple, message: str, found: str = "", expected: str = "", help: str = "") -> str:
+    def where(self, path: tuple) -> str:
+        """file:line:column of a path, or of what it stands in."""
         place = next((self._places[path[:n]] for n in range(len(path), 0, -1) if path[:n] in self._places), None)
-        where = f"{self.file}:{place[0]}:{place[1]}" if place else self.file
-        lines = [f"{where}: error: {message}"]
+        return f"{self.file}:{place[0]}:{place[1]}" if place else self.file
+
+    def error(self, path: tuple, message: str, found: str = "", expected: str = "", help: str = "") -> str:
+        lines = [f"{self.where(path)}: error: {message}"]
         lines += [f"  {name + ':':<9} {text}" for name, text in (("found", found), ("expected", expected), ("help", help)) if text]
         return "\n".join(lines)
 
@@ -316,7 +320,9 @@ def read_scenes(reader: Reader, tables: list[dict]) -> tuple[SceneChoice, ...]:
                 reader.fail(("scene", i, "overlays"), f"there is no overlay '{overlay}'")
         cameras = table.get("cameras", [table.get("camera")])
         times = table.get("times", [table.get("time", 0.0)])
-        scenes += [SceneChoice(file, camera, float(time), overlays) for camera, time in itertools.product(cameras, times)]
+        where = reader.places.where(("scene", i, "cameras" if "cameras" in table else "camera"))
+        scenes += [SceneChoice(file, camera, float(time), overlays, where)
+                   for camera, time in itertools.product(cameras, times)]
     return tuple(scenes)
 
 

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 import pathlib
 
 from .study import Study
@@ -75,8 +76,22 @@ def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str)
         axes.step([x for x, _ in front], [y for _, y in front], where="post", color="0.5", linestyle=":", linewidth=1.5,
                   zorder=0, label="no other point beats these")
     axes.set(xscale="log", yscale="log")
-    axes.grid(True, which="both", alpha=0.25)
     axes.margins(0.12)
+    for axis in (axes.xaxis, axes.yaxis):
+        plain_numbers(axis)
+    axes.grid(True, which="both", alpha=0.25)
+
+
+def plain_numbers(axis) -> None:
+    """0.02 and 50 instead of powers of ten; between these as many as there is room for."""
+    from matplotlib import ticker
+
+    low, high = axis.get_view_interval()
+    decades = abs(math.log10(high / low)) if low > 0 and high > 0 else 1
+    axis.set_minor_locator(ticker.LogLocator(subs=tuple(range(2, 10)) if decades < 1 else (2, 5), numticks=50))
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if decades < 2.5 else ""))
+    axis.set_tick_params(which="both", labelsize=8)
 
 
 def reaches(rows: list[dict]) -> list[list[float]]:

@@ -53,8 +53,8 @@ class Lost(Exception):
 class Worker:
     """study_worker.py in a process of its own. What it prints goes to a file."""
 
-    def __init__(self, log: pathlib.Path, timeout: float):
-        self.timeout = timeout
+    def __init__(self, log: pathlib.Path, timeout: float, stop: Callable[[], None]):
+        self.timeout, self.stop = timeout, stop
         self._log = open(log, "ab")
         environment = os.environ | {"PYTHONPATH": os.pathsep.join(
             [str(pathlib.Path(__file__).resolve().parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])}
@@ -77,7 +77,7 @@ class Worker:
             raise Lost("crashed", f"the process ended {what}; what it said is in {self._log.name}") from None
         except TimeoutError:
             self.close()
-            raise Lost("hung", f"no answer for {self.timeout:g} s; what it said is in {self._log.name}") from None
+            raise Lost("hung", f"no answer for {self.timeout:g} s (--timeout); what it said is in {self._log.name}") from None
         if "error" in answer:
             raise Lost("failed", answer["error"])
         return answer
@@ -89,8 +89,11 @@ class Worker:
             assert pipe is not None
             selector.register(pipe, selectors.EVENT_READ)
             while b"\n" not in self._answers:
-                if not selector.select(max(0.0, deadline - time.monotonic())):
-                    raise TimeoutError
+                if not selector.select(0.5):
+                    self.stop()
+                    if time.monotonic() > deadline:
+                        raise TimeoutError
+                    continue
                 more = os.read(pipe.fileno(), 65536)
                 if not more:
                     raise EOFError
@@ -263,19 +266,26 @@ class SceneRun:
 
     def start(self, owner: str) -> Worker:
         """A worker with the scene, under a variant's name."""
-        worker = Worker(self.folder / "workers.log", self.options.timeout)
-        self.workers[owner] = worker
+        worker = Worker(self.folder / "workers.log", self.options.timeout, self.stop)
         scene = {"file": self.scene.file, "camera": self.scene.camera, "time": self.scene.time,
                  "overlays": list(self.scene.overlays)}
-        self.scene_files = worker.ask("open", scene=scene, device=self.options.device)["files"]
+        try:
+            self.scene_files = worker.ask("open", scene=scene, device=self.options.device)["files"]
+        except BaseException:
+            worker.close()
+            raise
+        self.workers[owner] = worker
         return worker
 
     def load_points(self) -> None:
         """Every point's graph in its variant's process; keys of what they will be."""
         for point in self.study.points:
             self.guard(point, lambda point=point: self.load(point, point.variant))
-        for point in self.alive():
-            self.say(f"{self.scene.name}: {point.name} is loaded")
+        if not self.alive():  # nothing can be measured: the scene, the device, or all settings are wrong
+            state, text = self.state[self.study.points[0].name]
+            raise Error(2 if state == "failed" else 4, f"{self.scene.where}: error: nothing of scene '{self.scene.name}' can be "
+                        f"rendered\n    " + text.replace("\n", "\n    "))
+        self.say(f"{self.scene.name}: {len(self.alive())} points are loaded")
 
     def load(self, point: Point, owner: str) -> None:
         worker = self.workers[owner] if owner in self.workers else self.start(owner)
@@ -304,14 +314,12 @@ class SceneRun:
         self.workers.pop(owner).close()
         points = [self.study.points[0]] if owner == AGAIN else [p for p in self.study.points if p.variant == owner]
         for other in points:
-            if self.state[other.name][0] == "ok" and (owner != AGAIN or other in self.alive()):
+            if self.state[other.name][0] == "ok":
                 try:
                     self.load(other, owner)
                 except Lost as lost:
                     self.state[other.name] = (lost.state, str(lost))
                     self.say(f"{self.scene.name}: {other.name} {lost.state}: {lost}")
-                    if owner in self.workers and self.workers[owner].process.poll() is not None:
-                        self.workers.pop(owner).close()
 
     # Warm-up and what it will take
 
@@ -342,7 +350,7 @@ class SceneRun:
         if not points:
             return 0.0
         turns = [*points, points[0]]
-        rounds = self.study.rounds - len(self.store.lines(self.times_key()))
+        rounds = self.study.rounds - len(self.finished_rounds())
         seconds = max(rounds, 0) * 2 * (self.study.frames + 1) * sum(frame[point.name] for point in turns)
         for point in points:
             if self.store.get(self.profile_key(point)) is None:
@@ -447,8 +455,12 @@ class SceneRun:
     # Times
 
     def times_key(self) -> str:
-        alive = [self.keys[point.name] for point in self.alive()]
-        return digest("times", alive, machine(), self.study.frames, self.study.seed)
+        return digest("times", [self.keys.get(point.name) for point in self.study.points], machine(), self.study.frames)
+
+    def finished_rounds(self) -> list[dict]:
+        """Those in which everybody took part who is still there."""
+        names = {point.name for point in self.alive()} | {AGAIN}
+        return [each for each in self.store.lines(self.times_key()) if names <= set(each["order"])]
 
     def profile_key(self, point: Point) -> str:
         return digest("profile", self.keys[point.name], machine(), PROFILED_FRAMES)
@@ -467,46 +479,38 @@ class SceneRun:
                 self.measured[point.name] = found
 
     def measure_times(self) -> None:
-        """Rounds of turns. A point that is lost on the way leaves; the rounds that the others finished stay."""
-        while self.alive():
-            key = self.times_key()
-            done = self.store.lines(key)
-            self.rounds = done[:self.study.rounds]
-            if len(self.rounds) == self.study.rounds:
-                return
-            if not self.time_rounds(key, len(self.rounds)):
-                return
-
-    def time_rounds(self, key: str, first: int) -> bool:
-        """False: all rounds are there. True: somebody left, and who is left begins anew."""
+        """Rounds of turns. A point that is lost on the way leaves; what it and the others finished stays."""
         points = self.alive()
-        if AGAIN not in self.workers:
+        if len(self.finished_rounds()) < self.study.rounds and AGAIN not in self.workers and points:
             self.guard(points[0], lambda: self.load(points[0], AGAIN))
             self.guard(points[0], lambda: self.warm_point(points[0], AGAIN))
-        if self.alive() != points:
-            return True
-        by_name = {point.name: (point.variant, point) for point in points} | {AGAIN: (AGAIN, points[0])}
-        orders = s.turns(list(by_name), self.study.rounds, self.study.seed)
-        begun, busy = time.monotonic(), busy_seconds()
-        own = self.own_seconds()
-        for number in range(first, self.study.rounds):
-            times = []
-            for name in orders[number]:
-                owner, point = by_name[name]
-                # The first frame of a turn finds caches that others have filled, and does not count.
-                answer = self.guard(point, lambda: self.workers[owner].ask(
-                    "render", point=point.name, frames=self.study.frames + 1))
-                if answer is None:
-                    return True
-                times.append(answer["ms"][1:])
-            self.store.append(key, {"round": number, "order": orders[number], "ms": times})
-            if number + 1 in (first + 1, self.study.rounds) or (number + 1) % 5 == 0:
-                self.say(f"{self.scene.name}: round {number + 1} of {self.study.rounds}")
+        begun, busy, own = time.monotonic(), busy_seconds(), self.own_seconds()
+        while self.alive() and len(self.finished_rounds()) < self.study.rounds:
+            self.time_round()
         passed = (time.monotonic() - begun) * (os.cpu_count() or 1)
-        foreign = (busy_seconds() - busy) - (self.own_seconds() - own)
-        self.foreign = max(0.0, foreign / passed) if passed > 0 else None
-        self.rounds = self.store.lines(key)[:self.study.rounds]
-        return False
+        if passed > 1:
+            self.foreign = max(0.0, ((busy_seconds() - busy) - (self.own_seconds() - own)) / passed)
+        self.rounds = self.store.lines(self.times_key())
+
+    def time_round(self) -> None:
+        """One round, kept if nobody is lost in it."""
+        points = self.alive()
+        by_name = {point.name: (point.variant, point) for point in points} | {AGAIN: (AGAIN, self.study.points[0])}
+        number = len(self.store.lines(self.times_key()))
+        order = s.turns(list(by_name), 1, self.study.seed + number)[0]
+        times = []
+        for name in order:
+            owner, point = by_name[name]
+            # The first frame of a turn finds caches that others have filled, and does not count.
+            answer = self.guard(point, lambda: self.workers[owner].ask(
+                "render", point=point.name, frames=self.study.frames + 1))
+            if answer is None:
+                return
+            times.append(answer["ms"][1:])
+        self.store.append(self.times_key(), {"round": number, "order": order, "ms": times})
+        done = len(self.finished_rounds())
+        if done in (1, self.study.rounds) or done % 5 == 0:
+            self.say(f"{self.scene.name}: round {done} of {self.study.rounds}")
 
     def own_seconds(self) -> float:
         return sum(used_seconds(pid) for pid in [os.getpid(), *[w.process.pid for w in self.workers.values()]])
@@ -550,7 +554,8 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
                 "smallest_seen": verdict.smallest_seen}
 
     values = [s.round_values(each["order"], [float(np.median(turn)) for turn in each["ms"]]) for each in run.rounds]
-    again = [each[AGAIN] - each[baseline.name] for each in values] if values and baseline.name in values[0] else []
+    # The first point itself may have been lost: then there is nothing to compare with.
+    again = [each[AGAIN] - each[baseline.name] for each in values if baseline.name in each]
     floor, noise = (s.floor_of(again), s.reach(again)) if again else (0.0, 0.0)
     restless: list[str] = []
     for point in study.points:
@@ -563,7 +568,8 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
                      if name == point.name]
             more: dict[str, Any] = {}
             if point is not baseline and again:
-                more = told(s.decide([each[point.name] - each[baseline.name] for each in values], floor,
+                both = [each for each in values if point.name in each and baseline.name in each]
+                more = told(s.decide([each[point.name] - each[baseline.name] for each in both], floor,
                                      math.log1p(study.resolution), noise))
             row(point, "frame", "ms", s.median(turns), len(frames),
                 formula="median over turns, submission to last fence; difference: of logarithms", **more)
@@ -660,6 +666,8 @@ def run_study(options: argparse.Namespace, stop: Callable[[], None]) -> int:
                            f"{len(options.files)} files" + (" and --set" if options.set else ""))
         else:
             study = definition.read(host, options.files[0])
+    if options.rounds is not None and options.rounds < s.FEWEST_ROUNDS:
+        raise Error(2, f"error: --rounds {options.rounds}\n  expected: at least {s.FEWEST_ROUNDS}: fewer decide nothing")
     study = definition.dataclasses.replace(study, **{key: value for key, value in (
         ("rounds", options.rounds), ("budget_minutes", options.budget)) if value is not None})
     folder = pathlib.Path(options.folder or pathlib.Path("out") / study.name)
