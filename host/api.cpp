@@ -31,9 +31,6 @@ namespace {
 /// Of all artifacts in the cache: hundreds of environments, a small part of a disk.
 constexpr std::uint64_t kMostArtifactBytes = std::uint64_t{4} << 30U;
 
-/// Message of a heddle_create that failed: there is no host to ask then.
-thread_local std::string create_error;
-
 std::vector<std::filesystem::path> split_path(std::string_view text) {
   std::vector<std::filesystem::path> folders;
   while (!text.empty()) {
@@ -66,6 +63,11 @@ std::filesystem::path default_cache_folder() {
 }
 
 }  // namespace
+
+std::string& heddle::api::hostless_error() {
+  thread_local std::string error;
+  return error;
+}
 
 namespace {
 
@@ -205,7 +207,7 @@ const char* heddle_version(void) {
 
 heddle_status heddle_create(const heddle_host_options* options, heddle_host** out) {
   *out = nullptr;
-  return guarded(create_error, [&] {
+  return guarded(hostless_error(), [&] {
     const heddle_host_options chosen = options != nullptr ? take(options, "options") : heddle_host_options{};
     auto host = std::make_unique<heddle_host>();
     if (chosen.log != nullptr) {
@@ -249,7 +251,7 @@ void heddle_destroy(heddle_host* host) {
 }
 
 const char* heddle_error(const heddle_host* host) {
-  return host != nullptr ? host->error.c_str() : create_error.c_str();
+  return host != nullptr ? host->error.c_str() : hostless_error().c_str();
 }
 
 void heddle_cancel(heddle_host* host) {

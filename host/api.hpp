@@ -61,6 +61,9 @@ struct heddle_graph {
 
 namespace heddle::api {
 
+/// Message of this thread's last call without a host that failed.
+std::string& hostless_error();
+
 /// Runs `body`; what it throws becomes the host's message and a status.
 template <class Body>
 heddle_status guarded(std::string& error, Body body) {

@@ -51,7 +51,8 @@ HEDDLE_EXPORT const char* heddle_version(void);
 HEDDLE_EXPORT heddle_status heddle_create(const heddle_host_options* options, heddle_host** out);
 /* Destroy graphs and scenes first. NULL is ignored. [main-thread] */
 HEDDLE_EXPORT void heddle_destroy(heddle_host* host);
-/* Message of the last call on this host that failed; "" if none. [main-thread] */
+/* Message of the last call on this host that failed; "" if none. NULL: of this thread's last heddle_create, heddle_compare
+ * or heddle_comparison_map that failed. [main-thread] */
 HEDDLE_EXPORT const char* heddle_error(const heddle_host* host);
 /* The heddle_render, heddle_inspect or heddle_graph_check that runs, or else the next one, stops before its next stage or
  * shader, or where a long stage asks, and returns HEDDLE_CANCELLED; what the GPU has begun is waited for. What the graph kept of earlier frames is
@@ -352,6 +353,53 @@ HEDDLE_EXPORT heddle_status heddle_image_write(heddle_host* host, const char* pa
  * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_image_compare(heddle_host* host, const heddle_image* a, const heddle_image* b,
                                                  const char* difference_path, const char** out_json);
+
+/* ---- Comparing images ---------------------------------------------------------------------------------------------- */
+/* Metrics of an image a against a reference b. Images are read where they are, nothing is copied. No host is needed, nor is
+ * any library opened; a failed call's message is heddle_error(NULL) on the same thread. */
+typedef struct heddle_comparison heddle_comparison;
+
+/* [{"name", "formula", "better": "lower" or "higher", "map": what a pixel of its error image is}] as JSON; static data.
+ * "percentile_P" stands for any number, as in percentile_99.9. [any-thread] */
+HEDDLE_EXPORT const char* heddle_metrics(void);
+
+#define HEDDLE_COMPARE_MAPS 1u /* keep each metric's error image, for heddle_comparison_map */
+#define HEDDLE_TONE_MAPPER_ACES 0u
+#define HEDDLE_TONE_MAPPER_HABLE 1u
+#define HEDDLE_TONE_MAPPER_REINHARD 2u
+typedef struct heddle_compare_options {
+  uint32_t struct_size;
+  uint32_t flags;           /* HEDDLE_COMPARE_* */
+  const char* metrics;      /* names, separated by ','; NULL or "": all but flip and hdr_flip, which must be told how values
+                             * are encoded: "flip" takes them as encoded in sRGB, 0 to 1; "hdr_flip" as linear radiance */
+  double pixels_per_degree; /* of both FLIPs; 0: 67.02, a display 0.7 m and 3840 pixels wide that is seen from 0.7 m */
+  double start_exposure;    /* of hdr_flip, in stops: values are multiplied by 2^exposure ... */
+  double stop_exposure;
+  uint32_t exposure_count;  /* ... evenly from start to stop; 0: all three from the reference (Andersson et al. 2021). Fix
+                             * them wherever several comparisons are to be comparable */
+  uint32_t tone_mapper;     /* of hdr_flip: HEDDLE_TONE_MAPPER_* */
+  uint32_t threads;         /* 0: one for each processor. No bit of a result depends on it */
+  uint32_t reserved;
+} heddle_compare_options;
+
+/* options may be NULL. HEDDLE_BAD_INPUT, and *out NULL, if shapes differ, a value is not finite (the message names the
+ * first such pixel), or a metric is unknown or does not fit the images. [any-thread] */
+HEDDLE_EXPORT heddle_status heddle_compare(const heddle_image* a, const heddle_image* b,
+                                           const heddle_compare_options* options, heddle_comparison** out);
+/* NULL is ignored. [any-thread] */
+HEDDLE_EXPORT void heddle_comparison_destroy(heddle_comparison* comparison);
+/* {"width", "height", "channels", "metrics": {NAME: {"value": null if infinite (psnr of equal images), "formula", "better",
+ * and what it was measured with: "pixels_per_degree", "start_exposure", "stop_exposure", "exposures", "tone_mapper"; of
+ * maximum "pixel", "channel"}}} as JSON, the comparison's. [any-thread] */
+HEDDLE_EXPORT const char* heddle_comparison_describe(const heddle_comparison* comparison);
+/* The error image of one of the metrics asked for, with HEDDLE_COMPARE_MAPS; out->pixels is the comparison's. Of as many
+ * channels as the images, or of one (ssim, flip, hdr_flip). [any-thread] */
+HEDDLE_EXPORT heddle_status heddle_comparison_map(const heddle_comparison* comparison, const char* metric,
+                                                  heddle_image* out);
+/* Writes an error image: as it is into .exr, .hdr and .pfm; else in false colours from black (0) to white (`white`).
+ * [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_write_error_image(heddle_host* host, const char* path, const heddle_image* map,
+                                                     double white);
 
 HEDDLE_END_C
 #endif

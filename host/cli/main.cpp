@@ -34,6 +34,7 @@ int main(int argc, char** argv) {
         heddle::cli::run_in_python(argc, argv);
       }
     }
+    if (argc > 1 && std::string_view(argv[1]) == "study") heddle::cli::run_in_python(argc, argv);
     heddle::cli::add_run(app, &status);
     heddle::cli::add_compare(app, &status);
     heddle::cli::add_check(app, &status);
@@ -42,6 +43,7 @@ int main(int argc, char** argv) {
     heddle::cli::add_list(app, &status);
     heddle::cli::add_doctor(app, &status);
     heddle::cli::add_new_technique(app);
+    heddle::cli::add_study(app);
     heddle::cli::add_bench(app);
     heddle::cli::add_schema(app, &status);
     heddle::cli::add_completion(app, &status);

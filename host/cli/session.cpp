@@ -243,7 +243,7 @@ void run_in_python(int argc, char** argv) {
   arguments.push_back(nullptr);
   execvp(python.c_str(), arguments.data());
   throw Failure{HEDDLE_FAILED,
-                "error: the scene is a Python file, and python3 could not be started\n  help: install the "
+                "error: this needs Python, and python3 could not be started\n  help: install the "
                 "packages python3 and python3-numpy"};
 }
 

@@ -67,10 +67,10 @@ void Executor::State::submit_and_wait() {
   VkSubmitInfo2 submit{VK_STRUCTURE_TYPE_SUBMIT_INFO_2};
   submit.commandBufferInfoCount = 1;
   submit.pCommandBufferInfos = &buffer;
-  const auto start = Clock::now();
+  if (stats.submit_ms == 0) first_submission = Clock::now();
   vulkan::check(vk.QueueSubmit2(device->queue(), 1, &submit, fence), "vkQueueSubmit2");
   vulkan::check(vk.WaitForFences(vk.device, 1, &fence, VK_TRUE, ~0ULL), "vkWaitForFences");
-  stats.submit_ms += milliseconds_since(start);
+  stats.submit_ms = milliseconds_since(first_submission);  // cpu stages between two submissions count
   vulkan::check(vk.ResetFences(vk.device, 1, &fence), "vkResetFences");
   commands = VK_NULL_HANDLE;
 }

@@ -216,6 +216,7 @@ struct Executor::State {
   bool is_continuing = false;     // a loop goes on where the last frame left it: no time passes
   bool is_first_iteration = true, is_last_iteration = true;  // of this frame, in a loop; both outside of loops
   FrameStats stats;
+  std::chrono::steady_clock::time_point first_submission;  // of this frame
   heddle_frame_info info{};
   VkCommandBuffer commands = VK_NULL_HANDLE;
   std::vector<vulkan::Buffer> frame_buffers;  // staging that must live until the fence

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in Python.
+"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in
+Python; `python3 -m heddle study ...`: experiments.
 
 A scene file defines `build(scene)`, called with an empty heddle.Scene, and if things move `update(scene, time)`.
 """
@@ -19,6 +20,7 @@ from collections.abc import Callable, Iterable
 from time import sleep, time_ns
 
 from . import Error, Graph, Host, Job, Scene, version
+from . import compare as heddle_compare
 from ._library import CANCELLED
 
 Update = Callable[[Scene, float], None]
@@ -520,12 +522,12 @@ def compare(arguments: argparse.Namespace) -> int:
                     host.write_image(folder / f"{pass_name}_{name}_port.png", image)
                     print(f"wrote {folder / f'{pass_name}_{name}_port.png'}")
             difference = folder / f"{pass_name}_difference.png"
-            metrics = host.compare(images[0], images[1], difference)
+            host.compare(images[0], images[1], difference)
             print(f"wrote {difference}")
             print(f"{arguments.port or 'output'}: {names[0]} against {names[1]}")
-            for key, formula in METRICS.items():
-                value = metrics[key]
-                print(f"  {key:<16} {'infinite' if value is None else format(value, '.6g'):>12}   {formula}")
+            for key, metric in heddle_compare(images[0], images[1], arguments.metric or None).items():
+                value = metric["value"]
+                print(f"  {key:<16} {'infinite' if value is None else format(value, '.6g'):>12}   {metric['formula']}")
             print(f"median frame time of {arguments.repeats} interleaved frames each:")
             for name, values in zip(names, times):
                 print(f"  {name:<16} {statistics.median(values):10.2f} ms   ({min(values):.2f} to {max(values):.2f})")
@@ -535,11 +537,10 @@ def compare(arguments: argparse.Namespace) -> int:
     return 0
 
 
-METRICS = {
-    "rmse": "sqrt(mean (a-b)^2)", "mse": "mean (a-b)^2", "relmse": "mean (a-b)^2 / (b^2 + 0.01)",
-    "psnr": "10 log10(1 / mse), dB", "mean_difference": "mean (a-b)", "maximum": "max |a-b|",
-    "percentile_99": "99th percentile of |a-b|",
-}
+def study(arguments: argparse.Namespace) -> int:
+    from .study_run import run_study
+
+    return run_study(arguments, stop_if_asked)
 
 
 def say(arguments: argparse.Namespace, text: str) -> None:
@@ -602,8 +603,25 @@ def main() -> int:
         else:
             command.add_argument("--swap", required=True, help="PASS=A,B; B is the reference")
             command.add_argument("--port", help="compare this port, PASS.PORT, not the output")
+            command.add_argument("--metric", action="append", default=[], help="only this one, repeatable")
             command.add_argument("--folder", default="out")
             command.add_argument("--repeats", type=int, default=3)
+    command = commands.add_parser("study", help="measure error and time of techniques over their knobs")
+    command.set_defaults(body=study)
+    command.add_argument("files", nargs="*", help="a study (.toml), or the name of a shipped one; with --role: scenes")
+    command.add_argument("--role", help="study all techniques of this role over all their knobs, without a file")
+    command.add_argument("--set", action="append", default=[], help="with --role: change the graph: extent=[320,180]")
+    command.add_argument("--folder", help="where results go (default: out/NAME of the study)")
+    command.add_argument("--device", help="part of a device's name, or its index")
+    command.add_argument("--rounds", type=int, help="instead of the file's: more rounds see smaller differences")
+    command.add_argument("--budget", type=float, help="minutes; a study that would take longer says so and ends before it "
+                                                      "times anything")
+    command.add_argument("--timeout", type=float, default=300, help="seconds after which a variant that does not answer "
+                                                                    "counts as hung")
+    command.add_argument("--dry-run", action="store_true", help="check the file, say what would be measured, render nothing")
+    command.add_argument("--gate", action="store_true", help="exit status 1 if anything is worse than the first variant, 2 if "
+                                                             "undecided, else 0")
+    command.add_argument("--quiet", "-q", action="store_true")
     arguments = parser.parse_args()
     stop_on_signals()
     try:

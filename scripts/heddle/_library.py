@@ -15,6 +15,7 @@ RENDER_PROFILE = 1
 RENDER_ANEW = 2
 ANIMATION_LOOP = 1
 LOAD_TRUSTED = 1
+COMPARE_MAPS = 1
 CANCELLED = 6
 OWNER_SCENE, OWNER_INSTANCE, OWNER_MATERIAL, OWNER_LIGHT = range(4)
 
@@ -123,6 +124,14 @@ class RenderOptions(Structure):
     ]
 
 
+class CompareOptions(Structure):
+    _fields_ = [
+        ("struct_size", c_uint32), ("flags", c_uint32), ("metrics", c_char_p), ("pixels_per_degree", c_double),
+        ("start_exposure", c_double), ("stop_exposure", c_double), ("exposure_count", c_uint32), ("tone_mapper", c_uint32),
+        ("threads", c_uint32), ("reserved", c_uint32),
+    ]
+
+
 _TEXT = POINTER(c_char_p)
 _ID = POINTER(c_uint32)
 _MATRIX = POINTER(c_double)
@@ -185,6 +194,13 @@ PROTOTYPES = {
     "heddle_image_read": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),
     "heddle_image_write": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),
     "heddle_image_compare": (c_int32, [c_void_p, POINTER(Image), POINTER(Image), c_char_p, _TEXT]),
+    "heddle_metrics": (c_char_p, []),
+    "heddle_compare": (
+        c_int32, [POINTER(Image), POINTER(Image), POINTER(CompareOptions), POINTER(c_void_p)]),
+    "heddle_comparison_destroy": (None, [c_void_p]),
+    "heddle_comparison_describe": (c_char_p, [c_void_p]),
+    "heddle_comparison_map": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),
+    "heddle_write_error_image": (c_int32, [c_void_p, c_char_p, POINTER(Image), c_double]),
 }
 
 
