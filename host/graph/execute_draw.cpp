@@ -65,8 +65,8 @@ void Executor::State::draw_surfaces(const PassState& pass, const ShaderState& sh
   }
   if (groups.empty()) return;
   GroupBinder binder(*this, pass, shader, drawing, add_view(view));
+  const scene::Frustum frustum(view);
   if (drawing.order == HEDDLE_ORDER_STATE) {
-    const scene::Frustum frustum(view);
     vk.CmdBindIndexBuffer(commands, buffers.indices().handle(), 0, VK_INDEX_TYPE_UINT32);
     for (const scene::DrawGroup* group : groups) {
       const DrawRange range = draw_range(*group, frustum);
@@ -77,8 +77,11 @@ void Executor::State::draw_surfaces(const PassState& pass, const ShaderState& sh
     }
     return;
   }
-  const scene::OrderedDraws ordered = scene::order_back_to_front(*scene, buffers, groups, view, origin,
-                                                                 drawing.order == HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT);
+  const bool sorts_triangles = drawing.order == HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT;
+  const scene::OrderedDraws ordered = scene::order_back_to_front(*scene, buffers, groups, view, origin, sorts_triangles,
+                                                                 variant.culls ? &frustum : nullptr);
+  stats.instances_drawn += ordered.drawn;
+  stats.instances_culled += ordered.culled;
   VkBuffer indices = buffers.indices().handle();
   if (!ordered.indices.empty()) {
     const std::size_t bytes = ordered.indices.size() * sizeof(std::uint32_t);

@@ -48,16 +48,36 @@ void append_triangles(const Mesh& mesh, const DepthOf& depth_of, std::vector<std
     indices.insert(indices.end(), mesh.indices.begin() + first, mesh.indices.begin() + first + 3);
 }
 
+/// Where the group's instances lie that may be seen, and how many of them there are.
+std::vector<std::uint32_t> seen_slots(const SceneBuffers& buffers, const DrawGroup& group, const Frustum* frustum,
+                                      OrderedDraws& counted) {
+  std::vector<std::uint32_t> slots;
+  const auto add = [&](std::uint32_t first, std::uint32_t count) {
+    for (std::uint32_t i = 0; i < count; ++i) slots.push_back(first + i);
+  };
+  if (frustum == nullptr) {
+    add(group.first_instance, group.instance_count);
+  } else {
+    const VisibleDraws visible = buffers.visible(group, *frustum);
+    for (const VkDrawIndexedIndirectCommand& command : visible.commands)
+      add(command.firstInstance, command.instanceCount);
+    counted.culled += visible.culled;
+  }
+  counted.drawn += static_cast<std::uint32_t>(slots.size());
+  return slots;
+}
+
 }  // namespace
 
 OrderedDraws order_back_to_front(const Scene& scene, const SceneBuffers& buffers,
                                  std::span<const DrawGroup* const> groups, const HeddleView& view,
-                                 const glm::dvec3& origin, bool sorts_triangles) {
+                                 const glm::dvec3& origin, bool sorts_triangles, const Frustum* frustum) {
+  OrderedDraws ordered;
   std::vector<Placed> placed;
   for (const DrawGroup* group : groups) {
-    for (std::uint32_t i = 0; i < group->instance_count; ++i) {
+    for (const std::uint32_t slot : seen_slots(buffers, *group, frustum, ordered)) {
       Placed one;
-      one.slot = group->first_instance + i;
+      one.slot = slot;
       one.instance = buffers.order()[one.slot];
       one.group = group;
       const Instance& instance = scene.instances[one.instance];
@@ -71,7 +91,6 @@ OrderedDraws order_back_to_front(const Scene& scene, const SceneBuffers& buffers
     return a.depth != b.depth ? a.depth > b.depth : a.instance < b.instance;
   });
 
-  OrderedDraws ordered;
   for (std::size_t i = 0; i < placed.size(); ++i) {
     const Placed& one = placed[i];
     const Instance& instance = scene.instances[one.instance];

@@ -16,14 +16,16 @@ struct OrderedDraw {
 
 struct OrderedDraws {
   std::vector<OrderedDraw> draws;
-  std::vector<std::uint32_t> indices;  // what first_index counts in; empty: SceneBuffers::indices()
+  std::vector<std::uint32_t> indices;   // what first_index counts in; empty: SceneBuffers::indices()
+  std::uint32_t drawn = 0, culled = 0;  // instances
 };
 
 /// The instances of `groups` (pointers into buffers.groups()) by the depth of their bounds' centre along the view's
 /// axis, in float64, farthest first; of equal ones the scene's first one first. With `sorts_triangles` the triangles of
-/// each instance as well, by the depth of their centroids. `origin` is the frame's.
+/// each instance as well, by the depth of their centroids. `origin` is the frame's. Instances that `frustum` excludes
+/// are left out before anything is sorted; null: none is.
 OrderedDraws order_back_to_front(const Scene& scene, const SceneBuffers& buffers,
                                  std::span<const DrawGroup* const> groups, const HeddleView& view,
-                                 const glm::dvec3& origin, bool sorts_triangles);
+                                 const glm::dvec3& origin, bool sorts_triangles, const Frustum* frustum = nullptr);
 
 }  // namespace heddle::scene
