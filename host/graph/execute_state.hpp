@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <deque>
 #include <set>
 
 namespace heddle::graph {
@@ -70,7 +71,8 @@ struct PassState {
   bool is_adopted = false;       // the object of an earlier plan
   bool is_redeclared = false;    // and while it is planned: declared and prepared again
   bool wants_redeclare = false;  // asked for it; due before the next frame
-  const Stage* cached_stage = nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
+  const Stage* cached_stage =
+      nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
   vulkan::GeneratedTexts texts;
   std::string resolved_path;  // the last answer of resolve_path
   std::map<std::string, ShaderState, std::less<>> shaders;
@@ -121,6 +123,29 @@ struct Legacy {
   bool has_past = false;                              // frames were rendered
 };
 
+/// What the commands of one frame use until its fence is there.
+struct FrameMemory {
+  VkCommandPool command_pool = VK_NULL_HANDLE;
+  std::vector<VkCommandBuffer> command_buffers;  // of the pool; one for each submission of a frame
+  std::size_t command_buffer_count = 0;          // in use this frame
+  std::vector<VkDescriptorPool> descriptor_pools;
+  std::size_t descriptor_pool = 0;  // in use
+  VkFence fence = VK_NULL_HANDLE;
+  std::vector<vulkan::Buffer> frame_buffers;  // staging that must live until the fence
+  vulkan::Buffer views;                       // HeddleView of each drawing, 512 bytes apart
+  std::uint32_t view_count = 0;
+  vulkan::Buffer draw_commands;  // of drawings that leave out instances
+  std::uint64_t draw_command_bytes = 0;
+  VkDescriptorSet program_set = VK_NULL_HANDLE;
+  vulkan::Buffer group_commands;           // VkDispatchIndirectCommand of each dispatch over a list
+  std::uint64_t group_command_count = 0;   // of this submission
+  std::vector<ResourceIndex> count_slots;  // this frame's: lists whose head was copied, in that order
+  std::vector<vulkan::Buffer> count_buffers;
+  std::uint64_t submitted_frame = HEDDLE_NO_FRAME;
+};
+/// Live mode: frames that may run at the same time, the one that is recorded included.
+constexpr std::size_t kFramesInFlight = 3;
+
 /// What the service heddle.components hands out of one component.
 struct ComponentRows {
   std::uint64_t revision = 0;
@@ -130,7 +155,7 @@ struct ComponentRows {
   std::vector<const char*> property_names;
 };
 
-struct Executor::State {
+struct Executor::State : FrameMemory {
   HostServices& services;
   ResolvedGraph original;  // as resolved; each plan starts from it
   ResolvedGraph graph;     // pruned, with declared shapes
@@ -165,12 +190,6 @@ struct Executor::State {
   VkDescriptorSetLayout materials_layout = VK_NULL_HANDLE;
   VkDescriptorSetLayout program_layout = VK_NULL_HANDLE;
   vulkan::SurfaceProgram program;
-  VkCommandPool command_pool = VK_NULL_HANDLE;
-  std::vector<VkCommandBuffer> command_buffers;  // of the pool; one for each submission of a frame
-  std::size_t command_buffer_count = 0;          // in use this frame
-  std::vector<VkDescriptorPool> descriptor_pools;
-  std::size_t descriptor_pool = 0;  // in use
-  VkFence fence = VK_NULL_HANDLE;
 
   // Scene side.
   const scene::Scene* scene = nullptr;
@@ -178,6 +197,7 @@ struct Executor::State {
   scene::Snapshot snapshot;
   std::map<std::string, ComponentRows, std::less<>> component_rows;
   std::uint64_t component_revision = 0;
+  std::vector<std::uint64_t> light_texture_revisions;  // in the value `light_textures`
   std::optional<heddle_camera> previous_camera;
   glm::dvec3 origin{0.0}, previous_origin{0.0};
   std::vector<std::byte> inputs;  // of the last frame, all that techniques can see: what is_still compares
@@ -190,12 +210,6 @@ struct Executor::State {
   FrameStats stats;
   heddle_frame_info info{};
   VkCommandBuffer commands = VK_NULL_HANDLE;
-  std::vector<vulkan::Buffer> frame_buffers;  // staging that must live until the fence
-  vulkan::Buffer views;                       // HeddleView of each drawing, 512 bytes apart
-  std::uint32_t view_count = 0;
-  vulkan::Buffer draw_commands;  // of drawings that leave out instances
-  std::uint64_t draw_command_bytes = 0;
-  VkDescriptorSet program_set = VK_NULL_HANDLE;
   std::vector<Diagnostic> errors;  // reported by plugins in the running call
 
   State(HostServices& s, ResolvedGraph g) : services(s), original(std::move(g)) {}
@@ -236,6 +250,7 @@ struct Executor::State {
 
   void set_scene_values(const scene::Scene& scene);
   void set_environment(ResourceIndex resource, const scene::Scene& scene);
+  void set_light_textures(ResourceIndex resource, const scene::Scene& scene);
   /// What the plan depends on of a scene is as it was.
   [[nodiscard]] bool is_planned_for(const scene::Scene& scene) const;
   void set_component_values(const scene::Scene& scene);
@@ -260,6 +275,22 @@ struct Executor::State {
   [[nodiscard]] bool find_iterations();
   [[nodiscard]] bool is_still(const scene::Scene& scene, const FrameOptions& options);
   void begin_frame_memory();
+  // Live mode: memory of frames that were submitted, the oldest first, and of frames that are done.
+  std::deque<FrameMemory> in_flight;
+  std::vector<FrameMemory> spare;
+  std::vector<vulkan::Buffer> outgrown_buffers;  // that these frames may still read; go with the next frame's
+  [[nodiscard]] FrameMemory make_frame_memory() const;
+  void destroy_frame_memory(FrameMemory& memory) const;
+  void take_frame_memory();
+  void end_frame(FrameMemory& memory);
+  void end_finished_frames(std::size_t most_left);
+  void wait_for_frames();
+  [[nodiscard]] bool is_done(const FrameMemory& memory) const;
+  [[nodiscard]] bool is_done(std::uint64_t frame) const;
+  void submit();
+  void wait_for(VkFence awaited);
+  void order_after_frames_in_flight();
+  void upload_in_frame(const vulkan::Buffer& target, std::uint64_t offset, std::span<const std::byte> bytes);
   void run_cpu_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   void execute_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   void call_execute(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const heddle_frame_info& seen);
@@ -288,16 +319,12 @@ struct Executor::State {
 
   // Lists (execute_lists.cpp).
   vulkan::Pipeline groups_pipeline;
-  vulkan::Buffer group_commands;           // VkDispatchIndirectCommand of each dispatch over a list
-  std::uint64_t group_command_count = 0;   // of this submission
-  std::vector<ResourceIndex> count_slots;  // this frame's: whose head was copied, in that order
-  std::vector<vulkan::Buffer> count_buffers;
   std::set<std::string> overflowing;  // names of the lists that had no room in the last frame
   [[nodiscard]] AccessInfo list_access(const ScheduledStage& stage, ResourceIndex list) const;
   void empty_lists(std::uint32_t stage);
   void copy_counts(std::uint32_t stage);
   void publish_counts();
-  void tell_counts();
+  void tell_counts(const FrameMemory& memory);
   void make_groups_pipeline();
   void dispatch_over_list(const PassState& pass, const ShaderState& shader, ResourceIndex list, const void* push,
                           std::uint32_t push_bytes);
@@ -370,6 +397,9 @@ std::uint64_t bytes_of(const std::vector<VkBufferImageCopy>& regions, const Reso
 
 /// Commands that are in no plan, at a frame's start or between frames, are ordered against everything.
 Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout to);
+/// All memory: what was accessed so in the one is done before the other.
+void barrier_between(const heddle_vulkan& vk, VkCommandBuffer commands, VkPipelineStageFlags2 from,
+                     VkAccessFlags2 written, VkPipelineStageFlags2 to, VkAccessFlags2 access);
 /// What was copied to host memory is there for the host once the fence is.
 void show_copies_to_host(const heddle_vulkan& vk, VkCommandBuffer commands);
 /// A resource's shape as plugins see it, bound.
