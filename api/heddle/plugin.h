@@ -42,9 +42,9 @@ typedef struct heddle_frame heddle_frame;       /* the host's; valid during one 
 #define HEDDLE_PORT_REWRITTEN 8u
 /* buffer: a list that shaders append to (HEDDLE_ACCESS_APPEND) and read as count and elements. `glsl` is one array
  * without length, "uvec4 tiles[];". The host empties the list before the first stage of a frame (in a loop: of an
- * iteration) that touches it, unless it is HEDDLE_PORT_KEPT without HEDDLE_PORT_REWRITTEN. Elements beyond the capacity
- * are left out and counted. Elements that one stage appends follow those of earlier stages; among themselves they have no
- * order, and neither has which of them are left out. Not HEDDLE_PORT_CUBE */
+ * iteration) that touches it; if it is HEDDLE_PORT_KEPT without HEDDLE_PORT_REWRITTEN, only after a cut or where a stage
+ * of its maker, being that first one, answers HEDDLE_NOTHING. Elements beyond the capacity are left out and counted.
+ * What one stage appends follows what earlier ones did, and has no order itself, nor has which of it is left out. No CUBE */
 #define HEDDLE_PORT_LIST 16u
 
 /* Extent of an out image. */
@@ -70,8 +70,8 @@ typedef struct heddle_port {
      input reads of the past is neutral (buffers: zero bytes; values: empty, zeros in shaders) in the first frame and
      after a cut. NULL: nothing */
   const char* previous_of;
-  /* list, out: elements that it holds, 0 is legal; and bytes of one, as std430 lays them out in the array: a multiple of
-     4. byte_size is 0 */
+  /* list that the pass makes: elements that it holds, 0 is legal; and bytes of one, as std430 lays them out in the array:
+     a multiple of 4. byte_size is 0 */
   uint32_t capacity, element_bytes;
 } heddle_port;
 
@@ -436,8 +436,8 @@ struct heddle_pass_host {
   heddle_status (*set_text)(const heddle_pass_host* self, const char* name, const char* glsl);
 
   /* ---- lists ---- */
-  /* In declare only: how many elements an out list holds, in place of what the descriptor says. HEDDLE_BUG for a port
-   * that is no out list. [main-thread] */
+  /* In declare only: how many elements a list that the pass makes holds, in place of what the descriptor says.
+   * HEDDLE_BUG for another port. [main-thread] */
   heddle_status (*set_capacity)(const heddle_pass_host* self, const char* port, uint32_t capacity);
   /* A compute shader of this stage, with one invocation in x (y and z: one work group) for each element that the list
    * holds by then, rounded up to whole work groups; the number never leaves the GPU. The stage declares the list as
@@ -445,10 +445,10 @@ struct heddle_pass_host {
    * more work groups than the device dispatches. [record-thread] */
   heddle_status (*dispatch_over_list)(const heddle_pass_host* self, heddle_frame* frame, const char* shader,
                                       const char* port, const void* push, uint32_t push_bytes);
-  /* Before the next frame: declare runs again, migrate carries what kept ports hold where their shapes have changed, then
-   * prepare. Passes that read what has another shape then are declared again too, all others go on as they are. In
-   * counted, activity, record and execute. [record-thread] */
+  /* Before the next frame: declare, migrate for kept ports whose shapes change by it, prepare; declare and prepare too for
+   * passes that read those. In counted, activity, record and execute of stages without cached_by. [record-thread] */
   void (*request_redeclare)(const heddle_pass_host* self);
+
   /* ---- long work ---- */
   /* In execute, from time to time where it takes long: how much of it is done, 0 to 1, for the person at the screen.
    * Other than HEDDLE_OK: the application wants it to stop, so execute returns that at once. [record-thread] */

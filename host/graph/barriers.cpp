@@ -221,10 +221,11 @@ ListPlan plan_lists(const ResolvedGraph& graph, const Order& order) {
   ListPlan plan;
   plan.emptied.resize(order.stages.size());
   plan.counted.resize(order.stages.size());
+  plan.goes_on.resize(graph.resources.size());
   for (ResourceIndex r = 0; r < graph.resources.size(); ++r) {
     const Resource& list = graph.resources[r];
     if (!list.is_list() || list.previous_version != kNoIndex || list.history_of != kNoIndex) continue;
-    const bool goes_on = is_kept(graph, r) && (list.flags & HEDDLE_PORT_REWRITTEN) == 0;
+    plan.goes_on[r] = is_kept(graph, r) && (list.flags & HEDDLE_PORT_REWRITTEN) == 0;
     std::uint32_t first = kNoIndex;
     std::uint32_t last_writer = kNoIndex;
     for (std::uint32_t s = 0; s < order.stages.size(); ++s) {
@@ -235,7 +236,7 @@ ListPlan plan_lists(const ResolvedGraph& graph, const Order& order) {
       }
     }
     if (first == kNoIndex) continue;
-    if (!goes_on) plan.emptied[first].push_back(r);
+    plan.emptied[first].push_back(r);
     plan.counted[last_writer == kNoIndex ? first : last_writer].push_back(r);
   }
   return plan;

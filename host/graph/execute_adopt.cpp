@@ -3,6 +3,7 @@
 // passes, their pipelines, and what they keep between frames.
 
 #include "graph/execute_state.hpp"
+#include "graph/uses.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -36,11 +37,6 @@ std::vector<std::string> providers_of(const ResolvedGraph& graph, const Pass& pa
   return names;
 }
 
-/// The pass that makes a resource, or made it in the frame before; kNoIndex: the scene.
-PassIndex made_by(const ResolvedGraph& graph, const Resource& resource) {
-  return resource.history_of == kNoIndex ? resource.producer : graph.resources[resource.history_of].producer;
-}
-
 bool needs_declare(const Technique& technique, const Pass& a, const Pass& b) {
   for (std::size_t i = 0; i < technique.parameters.size(); ++i) {
     if ((technique.parameters[i].flags & HEDDLE_PARAMETER_REDECLARE) == 0) continue;
@@ -62,6 +58,7 @@ void Executor::State::retire() {
   if (device != nullptr) (void)device->table().DeviceWaitIdle(device->table().device);
   // What lists counted in frames that were still running is not told any more: their passes go.
   while (!in_flight.empty()) {
+    note_counts(in_flight.front());
     end_frame(in_flight.front());
     spare.push_back(std::move(in_flight.front()));
     in_flight.pop_front();
@@ -153,17 +150,9 @@ bool Executor::State::keep_adopted(PassIndex index) {
   }
   if (!is_same) return false;
   for (const auto& [port, resource] : pass.ports) {
-    const Resource& old = object.shapes.at(port);
     Resource& now = graph.resources[resource];
     if (now.producer != index || now.type == PortType::kValue) continue;
-    now.format = old.format;
-    now.width = old.width;
-    now.height = old.height;
-    now.layers = old.layers;
-    now.mips = old.mips;
-    now.byte_size = old.byte_size;
-    now.capacity = old.capacity;
-    now.element_bytes = old.element_bytes;
+    copy_shape(now, object.shapes.at(port));
   }
   for (ReadBackRing& ring : object.rings) {
     ring.pass = index;
@@ -190,7 +179,7 @@ void Executor::State::adopt_rings(PassIndex index) {
 /// What a port held that has another shape since its pass was declared again.
 Legacy::Memory* Executor::State::outgrown(ResourceIndex index) {
   const Resource& resource = graph.resources[index];
-  const PassIndex producer = made_by(graph, resource);
+  const PassIndex producer = maker_of(graph, resource);
   const bool is_redeclared = producer != kNoIndex && passes[producer] && passes[producer]->is_redeclared;
   if (!is_redeclared || !is_any_version_kept(index)) return nullptr;
   const auto found = legacy.memory.find(resource.name);
@@ -214,6 +203,7 @@ void Executor::State::migrate(ResourceIndex index, std::uint32_t list_count) {
   dependency.pMemoryBarriers = &memory;
   vk.CmdPipelineBarrier2(commands, &dependency);
   if (resource.is_list() && resource.element_bytes == old->shape.element_bytes) {
+    resources[index].appended = list_count;
     const std::array<std::uint32_t, kListHead / 4> head{list_count};
     vk.CmdUpdateBuffer(commands, resources[index].buffer.handle(), 0, sizeof head, head.data());
     const VkBufferCopy elements{kListHead, kListHead, std::uint64_t{list_count} * resource.element_bytes};
@@ -221,7 +211,7 @@ void Executor::State::migrate(ResourceIndex index, std::uint32_t list_count) {
       vk.CmdCopyBuffer(commands, old->state.buffer.handle(), resources[index].buffer.handle(), 1, &elements);
     vk.CmdPipelineBarrier2(commands, &dependency);
   }
-  const PassIndex producer = made_by(graph, resource);
+  const PassIndex producer = maker_of(graph, resource);
   PassState& pass = *passes[producer];
   const bool has_migrate =
       pass.descriptor->struct_size >= offsetof(heddle_technique, migrate) + sizeof pass.descriptor->migrate;
@@ -249,7 +239,7 @@ void Executor::State::migrate(ResourceIndex index, std::uint32_t list_count) {
 /// Contents that outlast frames, where their maker is still the same object.
 void Executor::State::adopt_memory(ResourceIndex index) {
   const Resource& resource = graph.resources[index];
-  const PassIndex producer = made_by(graph, resource);
+  const PassIndex producer = maker_of(graph, resource);
   if (producer == kNoIndex || !passes[producer] || !passes[producer]->is_adopted) return;
   const auto found = legacy.memory.find(resource.name);
   if (found == legacy.memory.end() || !is_same_shape(found->second.shape, resource)) return;
@@ -261,6 +251,7 @@ void Executor::State::adopt_memory(ResourceIndex index) {
     now.image = std::move(old.image);
     now.buffer = std::move(old.buffer);
     now.layout = old.layout;
+    now.appended = old.appended;
   }
   now.is_adopted = true;
   legacy.memory.erase(found);

@@ -199,17 +199,20 @@ heddle_status set_capacity(const heddle_pass_host* self, const char* port, std::
   Executor::State& executor = executor_of(pass);
   if (!pass.is_declaring) return wrong(pass, "calls set_capacity outside of declare");
   const Port* declared = executor.technique_of(pass).find_port(port);
-  if (declared == nullptr || declared->direction != Direction::kOut || !declared->is_list()) {
-    return wrong(pass, fmt::format("calls set_capacity for '{}', which is none of its out lists", port));
-  }
-  Resource& list = executor.graph.resources[executor.pass_of(pass).ports.at(port)];
+  const Pass& declaring = executor.pass_of(pass);
+  const bool is_made = declared != nullptr && declared->is_list() && declared->direction != Direction::kIn &&
+                       !declaring.inout_sources.contains(port);
+  if (!is_made) return wrong(pass, fmt::format("calls set_capacity for '{}', which is no list that it makes", port));
+  Resource& list = executor.graph.resources[declaring.ports.at(port)];
   list.capacity = capacity;
   list.byte_size = list_bytes(capacity, list.element_bytes);
   return HEDDLE_OK;
 }
 
 void request_redeclare(const heddle_pass_host* self) {
-  state_of(self).wants_redeclare = true;
+  PassState& pass = state_of(self);
+  // A stage that is not called where its artifact is there already leaves nothing else behind.
+  if (is_in_key(pass, false, "another shape of its outputs")) pass.wants_redeclare = true;
 }
 
 const void* function_service(const heddle_pass_host* self, const char* role) {

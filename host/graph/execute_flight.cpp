@@ -78,7 +78,9 @@ void Executor::State::wait_for_frames() {
 /// Memory for the frame that begins. With one frame at a time it is always the same.
 void Executor::State::take_frame_memory() {
   if (!services.is_live) return;
-  end_finished_frames(kFramesInFlight - 1);
+  // A list that is filled on from frame to frame begins with what the host knows of the last one.
+  const bool has_such_lists = std::ranges::any_of(lists.goes_on, [](bool goes_on) { return goes_on; });
+  end_finished_frames(has_such_lists ? 0 : kFramesInFlight - 1);
   if (command_pool != VK_NULL_HANDLE) return;  // the last frame submitted nothing
   if (spare.empty()) {
     static_cast<FrameMemory&>(*this) = make_frame_memory();

@@ -21,12 +21,12 @@ double milliseconds_since(Clock::time_point start) {
   return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
 }
 
+}  // namespace
+
 VkImageAspectFlags aspect_of(std::uint32_t format) {
   return vulkan::format_info(static_cast<VkFormat>(format)).is_depth ? VK_IMAGE_ASPECT_DEPTH_BIT
                                                                      : VK_IMAGE_ASPECT_COLOR_BIT;
 }
-
-}  // namespace
 
 void Executor::State::throw_if_failed(const PassState& state, heddle_status status, std::string_view what) {
   if (status == HEDDLE_OK && errors.empty()) return;
@@ -490,11 +490,12 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
           : HEDDLE_RUN;
   record_barriers(before);
   const bool is_up_to_date = is_outdated.empty() || is_outdated[scheduled.pass] == 0;
-  if (activity == HEDDLE_KEEP && is_up_to_date) {
+  const bool keeps = activity == HEDDLE_KEEP && is_up_to_date;
+  begin_lists(index, keeps ? HEDDLE_KEEP : activity);
+  if (keeps) {
     keep_outputs(scheduled);
     return;
   }
-  empty_lists(index);
   if (activity == HEDDLE_NOTHING) {
     write_neutral(state, scheduled);
     return;

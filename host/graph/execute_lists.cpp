@@ -3,6 +3,7 @@
 // counted when the frame is over.
 
 #include "graph/execute_state.hpp"
+#include "graph/uses.hpp"
 #include "vulkan/hazard_recorder.hpp"
 
 #include <fmt/format.h>
@@ -40,12 +41,24 @@ AccessInfo Executor::State::list_access(const ScheduledStage& stage, ResourceInd
 }
 
 /// The stage's barriers have been recorded; they cover the transfer.
-void Executor::State::empty_lists(std::uint32_t stage) {
+void Executor::State::begin_lists(std::uint32_t stage, std::uint32_t activity) {
+  const ScheduledStage& scheduled = order.stages[stage];
   for (const ResourceIndex list : lists.emptied[stage]) {
-    const ResourceState& state = resources[list];
+    ResourceState& state = resources[list];
+    const Resource& resource = graph.resources[list];
     if (!state.buffer) continue;
-    device->table().CmdFillBuffer(commands, state.buffer.handle(), 0, kListHead, 0);
-    const AccessInfo next = list_access(order.stages[stage], list);
+    // Callers of a function that appends have a say in what they make themselves, not in the list.
+    const bool is_makers = scheduled.pass == resource.producer;
+    const bool is_left = activity == HEDDLE_KEEP && is_makers && is_kept(graph, list);
+    const bool is_neutral = activity == HEDDLE_NOTHING && is_makers;
+    const bool is_emptied = !is_left && (!lists.goes_on[list] || info.cut != 0 || is_neutral);
+    // What had no room in the last frame is no part of this one's count.
+    const bool is_over = lists.goes_on[list] && state.appended > resource.capacity;
+    if (!is_emptied && !is_over) continue;
+    state.appended = is_emptied ? 0 : resource.capacity;
+    sorted_counts[list] = state.appended;
+    device->table().CmdFillBuffer(commands, state.buffer.handle(), 0, sizeof state.appended, state.appended);
+    const AccessInfo next = list_access(scheduled, list);
     Barrier barrier;
     barrier.resource = list;
     barrier.source_stages = VK_PIPELINE_STAGE_2_CLEAR_BIT;
@@ -88,8 +101,17 @@ void Executor::State::publish_counts() {
                   VK_ACCESS_2_HOST_READ_BIT | VK_ACCESS_2_TRANSFER_WRITE_BIT);
 }
 
+/// What was appended in a frame that is done, for the frames after it.
+void Executor::State::note_counts(const FrameMemory& memory) {
+  for (std::size_t i = 0; i < memory.count_slots.size(); ++i) {
+    const std::byte* heads = memory.count_buffers[i / kCountsInBuffer].data();
+    resources[memory.count_slots[i]].appended = read_count(heads + i % kCountsInBuffer * kListHead);
+  }
+}
+
 /// After the frame: what was appended, for the statistics and for the passes that make the lists.
 void Executor::State::tell_counts(const FrameMemory& memory) {
+  note_counts(memory);
   std::map<ResourceIndex, heddle_list_count> counts;
   for (std::size_t i = 0; i < memory.count_slots.size(); ++i) {
     const vulkan::Buffer& buffer = memory.count_buffers[i / kCountsInBuffer];
@@ -199,8 +221,6 @@ void Executor::State::sort_appended(std::uint32_t stage) {
     const Resource& resource = graph.resources[list];
     const vulkan::Buffer& buffer = resources[list].buffer;
     if (!buffer || resource.capacity == 0) continue;
-    const auto emptied = std::ranges::find(lists.emptied[stage], list);
-    if (emptied != lists.emptied[stage].end()) sorted_counts[list] = 0;
     const vulkan::hazard::Recorder::Pause pause(device->recorder());
     const heddle_vulkan& vk = device->table();
     const vulkan::Buffer staging =

@@ -2,6 +2,7 @@
 // Resolved graph and scene features -> everything a frame needs: open plugins, placed memory, pipelines.
 
 #include "graph/execute_state.hpp"
+#include "graph/uses.hpp"
 
 #include <fmt/format.h>
 
@@ -29,25 +30,8 @@ std::vector<PassIndex> dependency_order(const ResolvedGraph& graph) {
   return order;
 }
 
-/// The pass that makes a resource, or made it in the frame before; kNoIndex: the scene.
-PassIndex maker_of(const ResolvedGraph& graph, const Resource& resource) {
-  return resource.history_of == kNoIndex ? resource.producer : graph.resources[resource.history_of].producer;
-}
-
-bool has_memory(const ResolvedGraph& graph, const Resource& resource) {
-  return maker_of(graph, resource) != kNoIndex && resource.previous_version == kNoIndex &&
-         (resource.type == PortType::kImage || resource.type == PortType::kBuffer);
-}
-
-void copy_shape(Resource& to, const Resource& from) {
-  to.format = from.format;
-  to.width = from.width;
-  to.height = from.height;
-  to.layers = from.layers;
-  to.mips = from.mips;
-  to.byte_size = from.byte_size;
-  to.capacity = from.capacity;
-  to.element_bytes = from.element_bytes;
+bool owns_memory(const ResolvedGraph& graph, const Resource& resource) {
+  return maker_of(graph, resource) != kNoIndex && resource.previous_version == kNoIndex && has_memory(resource.type);
 }
 
 std::array<std::uint32_t, 2> environment_extent(const scene::Scene& scene) {
@@ -60,6 +44,17 @@ constexpr VkBufferUsageFlags kPortBufferUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_B
                                                 VK_BUFFER_USAGE_TRANSFER_DST_BIT;
 
 }  // namespace
+
+void copy_shape(Resource& to, const Resource& from) {
+  to.format = from.format;
+  to.width = from.width;
+  to.height = from.height;
+  to.layers = from.layers;
+  to.mips = from.mips;
+  to.byte_size = from.byte_size;
+  to.capacity = from.capacity;
+  to.element_bytes = from.element_bytes;
+}
 
 bool is_environment(const Resource& resource) {
   return resource.producer == kNoIndex && resource.port == "environment";
@@ -301,7 +296,7 @@ void Executor::State::find_needs() {
   const std::vector<HistoryPair> pairs = history_pairs(graph, order);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
-    if (!has_memory(graph, resource) || !passes[maker_of(graph, resource)]) continue;
+    if (!owns_memory(graph, resource) || !passes[maker_of(graph, resource)]) continue;
     // A history that only passes of no use would read costs nothing.
     if (resource.history_of != kNoIndex &&
         std::ranges::none_of(pairs, [&](const HistoryPair& pair) { return pair.history == i; })) {

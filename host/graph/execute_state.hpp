@@ -31,6 +31,7 @@ struct ResourceState {
   vulkan::Buffer poison;  // over the bytes of a transient image or buffer, while memory is poisoned
   Value value;
   VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;  // now; tracked while recording
+  std::uint32_t appended = 0;                        // list: how often shaders have, as counted last
   bool is_adopted = false;                           // holds what an earlier plan left
 };
 
@@ -321,9 +322,10 @@ struct Executor::State : FrameMemory {
   vulkan::Pipeline groups_pipeline;
   std::set<std::string> overflowing;  // names of the lists that had no room in the last frame
   [[nodiscard]] AccessInfo list_access(const ScheduledStage& stage, ResourceIndex list) const;
-  void empty_lists(std::uint32_t stage);
+  void begin_lists(std::uint32_t stage, std::uint32_t activity);
   void copy_counts(std::uint32_t stage);
   void publish_counts();
+  void note_counts(const FrameMemory& memory);
   void tell_counts(const FrameMemory& memory);
   void make_groups_pipeline();
   void dispatch_over_list(const PassState& pass, const ShaderState& shader, ResourceIndex list, const void* push,
@@ -395,6 +397,8 @@ void barrier_between_all(const heddle_vulkan& vk, VkCommandBuffer commands, cons
 std::vector<VkBufferImageCopy> all_mips(const Resource& resource);
 std::uint64_t bytes_of(const std::vector<VkBufferImageCopy>& regions, const Resource& resource);
 
+/// Depth or colour.
+VkImageAspectFlags aspect_of(std::uint32_t format);
 /// Commands that are in no plan, at a frame's start or between frames, are ordered against everything.
 Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout to);
 /// All memory: what was accessed so in the one is done before the other.
@@ -402,6 +406,8 @@ void barrier_between(const heddle_vulkan& vk, VkCommandBuffer commands, VkPipeli
                      VkAccessFlags2 written, VkPipelineStageFlags2 to, VkAccessFlags2 access);
 /// What was copied to host memory is there for the host once the fence is.
 void show_copies_to_host(const heddle_vulkan& vk, VkCommandBuffer commands);
+/// What declare says of an image or buffer.
+void copy_shape(Resource& to, const Resource& from);
 /// A resource's shape as plugins see it, bound.
 heddle_shape shape_of(const Resource& resource);
 /// The scene's environment.

@@ -341,7 +341,8 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
       for (const Barrier& barrier : barriers.before[s])
         text += fmt::format("          barrier {}\n", barrier_text(graph, barrier));
     for (const ResourceIndex list : lists.emptied[s])
-      text += fmt::format("          empties '{}'\n", graph.resources[list].name);
+      text += fmt::format("          empties '{}'{}\n", graph.resources[list].name,
+                          lists.goes_on[list] ? ", after a cut" : "");
     for (const ResourceIndex list : lists.counted[s])
       text += fmt::format("          counts  '{}', for the time after the frame\n", graph.resources[list].name);
     if (s < barriers.again.size())
@@ -415,6 +416,11 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
     return names;
   };
   const ListPlan lists = plan_lists(graph, order);
+  const auto parted = [&](const std::vector<ResourceIndex>& of, bool goes_on) {
+    std::vector<ResourceIndex> found;
+    std::ranges::copy_if(of, std::back_inserter(found), [&](ResourceIndex r) { return lists.goes_on[r] == goes_on; });
+    return found;
+  };
   json["stages"] = Json::array();
   for (std::uint32_t s = 0; s < order.stages.size(); ++s) {
     const ScheduledStage& scheduled = order.stages[s];
@@ -435,7 +441,9 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
     entry["barriers"] = Json::array();
     if (s < barriers.before.size())
       for (const Barrier& barrier : barriers.before[s]) entry["barriers"].push_back(barrier_json(graph, barrier));
-    if (!lists.emptied[s].empty()) entry["empties"] = names_of(lists.emptied[s]);
+    if (const auto emptied = parted(lists.emptied[s], false); !emptied.empty()) entry["empties"] = names_of(emptied);
+    if (const auto emptied = parted(lists.emptied[s], true); !emptied.empty())
+      entry["empties_after_cut"] = names_of(emptied);
     if (!lists.counted[s].empty()) entry["counts"] = names_of(lists.counted[s]);
     if (s < barriers.again.size() && !barriers.again[s].empty()) {
       entry["barriers_again"] = Json::array();

@@ -275,10 +275,11 @@ struct BarrierPlan {
   std::vector<VkImageLayout>
       first_layout;  // layout in which each resource enters a frame (UNDEFINED: contents not needed)
 };
-/// Where the host itself touches the heads of lists, by first versions; each parallel to Order::stages.
+/// Where the host itself touches the heads of lists, by first versions; the first two parallel to Order::stages.
 struct ListPlan {
   std::vector<std::vector<ResourceIndex>> emptied;  // before the stage's own commands, after its barriers
   std::vector<std::vector<ResourceIndex>> counted;  // after the stage's commands: nothing appends later
+  std::vector<bool> goes_on;                        // by resource: emptied after a cut alone
 };
 ListPlan plan_lists(const ResolvedGraph& graph, const Order& order);
 /// Layouts and stage masks of an access. Pure table.

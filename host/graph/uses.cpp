@@ -217,6 +217,10 @@ std::vector<PassIndex> find_past_dependencies(const ResolvedGraph& graph, PassIn
   return found;
 }
 
+PassIndex maker_of(const ResolvedGraph& graph, const Resource& resource) {
+  return resource.history_of == kNoIndex ? resource.producer : graph.resources[resource.history_of].producer;
+}
+
 bool is_kept(const ResolvedGraph& graph, ResourceIndex resource) {
   return graph.resources[resource].is_kept || graph.resources[first_version(graph, resource)].is_kept;
 }

@@ -29,6 +29,9 @@ std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex p
 /// Producers of what the pass reads of earlier frames, itself included; sorted.
 std::vector<PassIndex> find_past_dependencies(const ResolvedGraph& graph, PassIndex pass);
 
+/// The pass that makes a resource, or made it in the frame before; kNoIndex: the scene.
+PassIndex maker_of(const ResolvedGraph& graph, const Resource& resource);
+
 /// True if the resource's contents last from frame to frame: kept by its technique, or a version of what is.
 bool is_kept(const ResolvedGraph& graph, ResourceIndex resource);
 

@@ -171,7 +171,10 @@ class Rules {
       complain(what + ": a list's memory follows from its capacity", fmt::format("byte_size {}", port.byte_size),
                "byte_size 0");
     }
-    if (port.direction == Direction::kOut && (port.element_bytes == 0 || port.element_bytes % 4 != 0)) {
+    // An optional inout port makes the list where nobody has made it above.
+    const bool may_make =
+        port.direction == Direction::kOut || (port.direction == Direction::kInout && port.is_optional());
+    if (may_make && (port.element_bytes == 0 || port.element_bytes % 4 != 0)) {
       complain(what + ": element_bytes is no size of an element", fmt::format("{}", port.element_bytes),
                "a multiple of 4 above 0");
     }
@@ -324,11 +327,13 @@ class Rules {
       if (port == nullptr) continue;
       const bool is_out = port->direction == Direction::kOut;
       makes_something = makes_something || is_out;
-      const bool is_right = port->type != PortType::kSurfaces && port->direction != Direction::kInout &&
+      // Elements of a list have no order: nothing would be found again.
+      const bool is_right = port->type != PortType::kSurfaces && !port->is_list() &&
+                            port->direction != Direction::kInout &&
                             (access.access != HEDDLE_ACCESS_HOST_READ || !is_out);
       if (!is_right) {
         complain(fmt::format("{}: it is cached, and '{}' cannot be part of that", what, access.port), {},
-                 "inputs that are no surfaces, and outputs that it only writes");
+                 "inputs that are no surfaces and no lists, and outputs that it only writes");
       }
     }
     if (!makes_something) complain(what + ": it is cached, and has no output");

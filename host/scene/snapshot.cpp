@@ -11,7 +11,6 @@
 #include "scene/upload.hpp"
 
 namespace heddle::scene {
-namespace {
 
 /// Alpha of one masked material, copied, so that the snapshot outlives changes of the scene.
 struct AlphaLook {
@@ -37,6 +36,8 @@ struct SnapshotData {
   std::uint64_t content_revision = 0, motion_revision = 0;
 };
 static_assert(std::is_standard_layout_v<SnapshotData>);
+
+namespace {
 
 std::int64_t wrapped(std::int64_t texel, std::int64_t size, std::uint32_t mode) {
   if (mode == 2) {

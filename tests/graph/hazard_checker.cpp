@@ -7,7 +7,7 @@
 #include <map>
 #include <set>
 
-namespace heddle::graph::testing {
+namespace heddle::graph::test_support {
 namespace {
 
 using Stages = VkPipelineStageFlags2;
@@ -123,7 +123,6 @@ class Player {
   [[nodiscard]] bool is_emptied(ResourceIndex r, std::uint32_t stage) {
     const Resource& list = graph_.resources[r];
     if (!list.is_list() || list.history_of != kNoIndex) return false;
-    if (is_kept(r) && (list.flags & HEDDLE_PORT_REWRITTEN) == 0) return false;
     for (std::uint32_t s = 0; s < stage; ++s)
       if (touches(order_.stages[s]).contains(r)) return false;
     return true;
@@ -413,4 +412,4 @@ std::vector<std::string> find_needless_barriers(const ResolvedGraph& graph, cons
   return needless;
 }
 
-}  // namespace heddle::graph::testing
+}  // namespace heddle::graph::test_support

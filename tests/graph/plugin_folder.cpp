@@ -6,7 +6,7 @@
 
 #include <fstream>
 
-namespace heddle::graph::testing {
+namespace heddle::graph::test_support {
 namespace {
 
 namespace fs = std::filesystem;
@@ -375,4 +375,4 @@ ResolvedGraph resolve_text(std::string_view text, const Registry& registry) {
   return resolve(parse(text, "test.toml"), registry);
 }
 
-}  // namespace heddle::graph::testing
+}  // namespace heddle::graph::test_support

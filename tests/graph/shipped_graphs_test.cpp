@@ -10,9 +10,9 @@
 namespace heddle::graph {
 namespace {
 
+using test_support::find_hazards;
+using test_support::find_needless_barriers;
 using ::testing::ElementsAre;
-using testing::find_hazards;
-using testing::find_needless_barriers;
 using ::testing::IsEmpty;
 
 std::filesystem::path graphs() {
@@ -62,8 +62,8 @@ class ShippedGraphs : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedGraphs, ResolveWithEveryBarrierProven) {
   const std::vector<std::string> features{"blended", "environment"};
-  prove(GetParam(), testing::shared_registry(), {});
-  prove(GetParam(), testing::shared_registry(), features);
+  prove(GetParam(), test_support::shared_registry(), {});
+  prove(GetParam(), test_support::shared_registry(), features);
 }
 
 TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
@@ -84,7 +84,7 @@ INSTANTIATE_TEST_SUITE_P(Files, ShippedGraphs, ::testing::ValuesIn(files()),
                          [](const auto& test) { return test.param; });
 
 TEST(DeferredGraph, RunsInTheOrderThatThePortsDemand) {
-  ResolvedGraph graph = resolve(read_graph(graphs() / "deferred.toml"), testing::shared_registry());
+  ResolvedGraph graph = resolve(read_graph(graphs() / "deferred.toml"), test_support::shared_registry());
   prune(graph, std::array{graph.output}, {});
   EXPECT_EQ(
       sequence_of(graph, order(graph)),
@@ -95,7 +95,7 @@ TEST(DeferredGraph, RunsInTheOrderThatThePortsDemand) {
 TEST(DeferredGraph, RunsTheSameInWhateverOrderThePassesWithNamedPortsStand) {
   // With every binding written out, the file's order decides ties only: dependencies come from the ports.
   WrittenGraph written = read_graph(graphs() / "deferred.toml");
-  const ResolvedGraph graph = resolve(written, testing::shared_registry());
+  const ResolvedGraph graph = resolve(written, test_support::shared_registry());
   for (WrittenPass& pass : written.passes) {
     const std::string& name = std::get<std::string>(pass.name.value);
     const auto resolved = std::ranges::find(graph.passes, name, &Pass::name);
@@ -113,7 +113,7 @@ TEST(DeferredGraph, RunsTheSameInWhateverOrderThePassesWithNamedPortsStand) {
     }
   }
   std::ranges::reverse(written.passes);
-  const ResolvedGraph turned = resolve(written, testing::shared_registry());
+  const ResolvedGraph turned = resolve(written, test_support::shared_registry());
   for (const Pass& pass : graph.passes) {
     const auto other = std::ranges::find(turned.passes, pass.name, &Pass::name);
     ASSERT_NE(other, turned.passes.end());
@@ -135,7 +135,7 @@ TEST(DeferredGraph, RunsTheSameInWhateverOrderThePassesWithNamedPortsStand) {
 }
 
 TEST(SupersampledGraph, RepeatsWhatDependsOnTheCameraAndNothingElse) {
-  ResolvedGraph graph = resolve(read_graph(graphs() / "supersampled.toml"), testing::shared_registry());
+  ResolvedGraph graph = resolve(read_graph(graphs() / "supersampled.toml"), test_support::shared_registry());
   prune(graph, std::array{graph.output}, {});
   weave_loops(graph);
   const Order sequence = order(graph);
@@ -151,8 +151,8 @@ TEST(SupersampledGraph, RepeatsWhatDependsOnTheCameraAndNothingElse) {
 TEST(SupersampledGraph, IsThePlainGraphWithoutTheWord) {
   WrittenGraph written = read_graph(graphs() / "supersampled.toml");
   apply_setting(written, "aa.technique=none");
-  ResolvedGraph graph = resolve(written, testing::shared_registry());
-  ResolvedGraph plain = resolve(read_graph(graphs() / "deferred.toml"), testing::shared_registry());
+  ResolvedGraph graph = resolve(written, test_support::shared_registry());
+  ResolvedGraph plain = resolve(read_graph(graphs() / "deferred.toml"), test_support::shared_registry());
   for (ResolvedGraph* one : {&graph, &plain}) {
     prune(*one, std::array{one->output}, {});
     weave_loops(*one);
@@ -162,8 +162,8 @@ TEST(SupersampledGraph, IsThePlainGraphWithoutTheWord) {
 }
 
 TEST(ReferenceAo, SwapsOneWord) {
-  const ResolvedGraph deferred = resolve(read_graph(graphs() / "deferred.toml"), testing::shared_registry());
-  const ResolvedGraph reference = resolve(read_graph(graphs() / "reference_ao.toml"), testing::shared_registry());
+  const ResolvedGraph deferred = resolve(read_graph(graphs() / "deferred.toml"), test_support::shared_registry());
+  const ResolvedGraph reference = resolve(read_graph(graphs() / "reference_ao.toml"), test_support::shared_registry());
   ASSERT_EQ(deferred.passes.size(), reference.passes.size());
   for (std::size_t p = 0; p < deferred.passes.size(); ++p) {
     const bool is_ao = deferred.passes[p].name == "ao";
