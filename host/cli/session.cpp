@@ -197,6 +197,22 @@ Owned<heddle_scene> load_scene(heddle_host* host, const RenderArguments& argumen
   return loaded;
 }
 
+Opened open(RenderArguments& arguments, const std::vector<std::string>& ports) {
+  arguments.sort_files();
+  Opened opened;
+  opened.host = make_host(arguments.host);
+  opened.graph = load_graph(opened.host.get(), arguments);
+  for (const std::string& port : ports) {
+    check(opened.host.get(), heddle_graph_keep(opened.graph.get(), port.c_str()));
+  }
+  opened.scene = load_scene(opened.host.get(), arguments);
+  return opened;
+}
+
+void add_port_option(CLI::App& command, std::vector<std::string>& ports, const std::string& help) {
+  command.add_option("--port", ports, help)->take_all()->allow_extra_args(false);
+}
+
 void write_port(heddle_host* host, heddle_graph* graph, const std::string& port, const std::filesystem::path& file) {
   heddle_image image{};
   image.struct_size = sizeof image;
