@@ -149,8 +149,8 @@ void Executor::State::draw_surfaces(const PassState& pass, const ShaderState& sh
   GroupBinder binder(*this, pass, shader, drawing, add_view(view));
   for (const Source& source : sources)
     if (source.own_commands != kNoIndex) draw_own(*this, source, binder);
+  const scene::Frustum frustum(view);
   if (drawing.order == HEDDLE_ORDER_STATE) {
-    const scene::Frustum frustum(view);
     for (const Source& source : sources) {
       if (source.own_commands != kNoIndex) continue;
       binder.bind_indices(source.indices);
@@ -171,8 +171,11 @@ void Executor::State::draw_surfaces(const PassState& pass, const ShaderState& sh
     sorted.push_back(source.draws);
     source_of.push_back(&source);
   }
-  const scene::OrderedDraws ordered =
-      scene::order_back_to_front(*scene, sorted, view, origin, drawing.order == HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT);
+  const bool sorts_triangles = drawing.order == HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT;
+  const scene::OrderedDraws ordered = scene::order_back_to_front(*scene, sorted, view, origin, sorts_triangles,
+                                                                 variant.culls ? &frustum : nullptr);
+  stats.instances_drawn += ordered.drawn;
+  stats.instances_culled += ordered.culled;
   VkBuffer sorted_indices = VK_NULL_HANDLE;
   if (!ordered.indices.empty()) {
     const std::size_t bytes = ordered.indices.size() * sizeof(std::uint32_t);
