@@ -3,7 +3,7 @@
 // surfaces, so that they agree. After pass.glsl of a shader that has the port `lights` and calls light_assignment,
 // surface_material, shadow and sky. Equations (1) to (6) of lighting/deferred's README.
 // One iteration a light that light_assignment lets it meet: without a technique of that role every light. A driver that
-// ends loops after 65,535 iterations (lavapipe) allows 65,535 lights less what the shadow techniques loop: with 32 taps a
+// ends loops after 65,535 iterations (lavapipe) allows 65,535 of them less what the shadow techniques loop: with 32 taps a
 // light, 1985 lights.
 #ifndef HEDDLE_SHARED_SHADE_SURFACE_GLSL
 #define HEDDLE_SHARED_SHADE_SURFACE_GLSL
