@@ -379,7 +379,7 @@ struct Executor::State : FrameMemory {
   void draw_surfaces(const PassState& pass, const ShaderState& shader, const heddle_draw& drawing,
                      const HeddleView& view);
 
-  // SurfacesState surfaces (execute_surfaces.cpp).
+  // Made surfaces (execute_surfaces.cpp).
   void set_batches(ResourceIndex surfaces, std::vector<scene::MadeBatch> batches, std::uint64_t revision);
   const scene::PlacedBatches& place(SurfacesState& made);
   /// The versions that passes made and that hold something, the newest first.
