@@ -283,7 +283,7 @@ def test_a_camera_that_is_not_there_is_said_at_its_line(tmp_path):
 
 
 def test_a_study_beyond_its_budget_says_so_before_it_times_anything(tmp_path):
-    with pytest.raises(heddle.Error, match="this study would take about .*; its budget is 0.001 min"):
+    with pytest.raises(heddle.Error, match="this study would take about .* more; its budget is 0.001 min"):
         run(tmp_path, budget=0.001)
     assert not list((tmp_path / "out" / "measured").glob("*.jsonl"))
 
