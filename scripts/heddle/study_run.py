@@ -38,6 +38,8 @@ from .study import Point, SceneChoice, Study
 WARM_FRAMES = 10  # the fewest that tell whether frames are still changing
 PROFILED_FRAMES = 7
 SEEDS = 8  # images of a technique that is random
+# One for the machine.
+LOCK = pathlib.Path(tempfile.gettempdir()) / "heddle-study.lock"
 # Workers that are no variant's.
 AGAIN, REFERENCE = "(the first again)", "(reference)"
 
@@ -214,10 +216,9 @@ def used_seconds(process: int) -> float:
 @contextlib.contextmanager
 def timing_alone(say: Callable[[str], None], stop: Callable[[], None]) -> Iterator[None]:
     """One study times on a machine at once."""
-    path = pathlib.Path(tempfile.gettempdir()) / "heddle-study.lock"
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    descriptor = os.open(LOCK, os.O_RDWR | os.O_CREAT, 0o666)
     with contextlib.suppress(OSError):
-        os.chmod(path, 0o666)  # other users' studies wait too
+        os.chmod(LOCK, 0o666)  # other users' studies wait too
     try:
         is_said = False
         while True:
@@ -226,7 +227,7 @@ def timing_alone(say: Callable[[str], None], stop: Callable[[], None]) -> Iterat
                 break
             except BlockingIOError:
                 if not is_said:
-                    say(f"another study is timing on this machine ({path}); waiting for it")
+                    say(f"another study is timing on this machine ({LOCK}); waiting for it")
                     is_said = True
                 stop()
                 time.sleep(0.2)
@@ -629,7 +630,13 @@ def error_verdict(run: SceneRun, point: Point, baseline: Point, metric: str, dir
     differences = [sign * (b[i % len(b)] - a[i % len(a)]) for i in range(count)]
     parts_a, parts_b = (run.errors[each.name]["parts"][metric] for each in (baseline, point))
     floor = s.reference_floor([y - x for x, y in zip(parts_a, parts_b)]) if len(parts_a) > 1 else 0.0
-    return s.decide(differences, floor, run.study.error_resolution * abs(float(np.median(a))))
+    verdict = s.decide(differences, floor, run.study.error_resolution * abs(float(np.median(a))))
+    if sign > 0:
+        return verdict
+    # Told as it is: what is better has more of it.
+    found = verdict.difference
+    return definition.dataclasses.replace(
+        verdict, difference=s.Interval(-found.value, -found.high, -found.low, found.confidence))
 
 
 def mark_front(rows: list[dict], metric: str) -> None:
