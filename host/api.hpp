@@ -55,7 +55,7 @@ struct heddle_graph {
   heddle::graph::WrittenGraph written;
   std::vector<std::string> kept;
   std::unique_ptr<heddle::graph::Executor> executor;
-  std::string explanation, pass_explanation, description, stats, check_report, inspection, files, got;
+  std::string explanation, pass_explanation, description, stats, check_report, inspection, files, got, job_report;
   heddle::graph::Executor::ReadBack read_back;
 };
 

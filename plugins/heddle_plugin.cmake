@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 # heddle_plugin(SOURCES pass.cpp [SHADERS a.comp.glsl ...] [LIBRARIES ...]) in plugins/<role>/<technique>/CMakeLists.txt
 # builds that technique: the library, its manifest, its shaders beside it, and checks the shaders with neutral functions.
+# In Heddle's own tree, and through find_package(heddle) outside of it.
 
 # Copies role.toml files, shared GLSL and records.h to where libraries are built.
 function(heddle_plugin_contracts source output)
@@ -12,11 +13,18 @@ function(heddle_plugin_contracts source output)
                        COMMAND ${CMAKE_COMMAND} -E copy ${source}/${file} ${output}/${file})
     list(APPEND outputs ${output}/${file})
   endforeach()
-  add_custom_command(OUTPUT ${output}/shared/heddle/records.h DEPENDS ${CMAKE_SOURCE_DIR}/api/heddle/records.h
-                     COMMAND ${CMAKE_COMMAND} -E copy ${CMAKE_SOURCE_DIR}/api/heddle/records.h
-                             ${output}/shared/heddle/records.h)
-  add_custom_target(heddle_contracts ALL DEPENDS ${outputs} ${output}/shared/heddle/records.h)
-  set_property(GLOBAL PROPERTY HEDDLE_PLUGIN_CONTRACTS ${output})
+  if(HEDDLE_PLUGINS_DIR)  # the installed roles and shared texts stand behind this folder's
+    file(MAKE_DIRECTORY ${output})
+    set(contracts ${output}:${HEDDLE_PLUGINS_DIR})
+  else()
+    add_custom_command(OUTPUT ${output}/shared/heddle/records.h DEPENDS ${CMAKE_SOURCE_DIR}/api/heddle/records.h
+                       COMMAND ${CMAKE_COMMAND} -E copy ${CMAKE_SOURCE_DIR}/api/heddle/records.h
+                               ${output}/shared/heddle/records.h)
+    list(APPEND outputs ${output}/shared/heddle/records.h)
+    set(contracts ${output})
+  endif()
+  add_custom_target(heddle_contracts ALL DEPENDS ${outputs})
+  set_property(GLOBAL PROPERTY HEDDLE_PLUGIN_CONTRACTS ${contracts})
 endfunction()
 
 # Instead of heddle_plugin(), where the build machine lacks what the technique needs: whoever asks for the technique is
@@ -42,9 +50,13 @@ function(heddle_plugin)
   get_property(contracts GLOBAL PROPERTY HEDDLE_PLUGIN_CONTRACTS)
   set(target ${role}_${technique})
   add_library(${target} MODULE ${ARG_SOURCES})
-  target_link_libraries(${target} PRIVATE heddle_api heddle_warnings ${ARG_LIBRARIES}
+  target_link_libraries(${target} PRIVATE heddle_api $<TARGET_NAME_IF_EXISTS:heddle_warnings> ${ARG_LIBRARIES}
                         -Wl,--version-script=${version_script} -Wl,-z,defs)
+  target_compile_features(${target} PRIVATE cxx_std_20)
   target_include_directories(${target} PRIVATE ${CMAKE_CURRENT_SOURCE_DIR} ${role_folder}/../shared)
+  if(HEDDLE_PLUGINS_DIR)
+    target_include_directories(${target} PRIVATE ${HEDDLE_PLUGINS_DIR}/shared)
+  endif()
   set_target_properties(${target} PROPERTIES LIBRARY_OUTPUT_DIRECTORY ${output} OUTPUT_NAME ${technique} PREFIX ""
                         C_VISIBILITY_PRESET hidden CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON
                         LINK_DEPENDS ${version_script})

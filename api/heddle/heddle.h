@@ -104,6 +104,16 @@ typedef struct heddle_mesh {
   const float* uv1;          /* x 2, or NULL */
   const float* colors;       /* x 4, linear, or NULL */
   const uint32_t* indices;
+  /* Faces with any number of corners, in place of triangles: `indices` then holds the corners of all, face after face,
+   * counter-clockwise. They are drawn as fans of triangles around their first corners, so they should be convex and nearly
+   * flat; what subdivides surfaces sees the faces. 0: triangles */
+  uint32_t face_count;
+  uint32_t crease_count;
+  const uint32_t* face_sizes; /* face_count numbers of corners, 3 or more each */
+  /* What a subdivided surface keeps sharp: crease_count edges as pairs of vertices, a vertex by itself as a pair of the
+   * same, and how sharp each is: 0 smooth, n sharp for n levels, 10 and above for ever */
+  const uint32_t* creases;
+  const float* sharpness;
 } heddle_mesh;
 
 /* Material of the application: texture_layer and texture_group are ignored, `textures` are ids of textures. */
@@ -243,7 +253,7 @@ HEDDLE_EXPORT heddle_status heddle_graph_explain(heddle_graph* graph, const char
  * heddle_graph_explain. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_explain_pass(heddle_graph* graph, const char* pass, const char* format,
                                                       const char** out);
-/* What the graph says, without planning it: {"file", "extent", "output", "presets", "passes": [{"name", "role",
+/* What the graph says, without planning it: {"file", "kind": "frame" or "job", "extent", "output", "presets", "passes": [{"name", "role",
  * "technique", "is_left_out", "parameters", "inputs"}], "ports": [{"name", "type"}]} as JSON. Opens no device and no
  * plugin. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_describe(heddle_graph* graph, const char** out_json);
@@ -289,7 +299,7 @@ HEDDLE_EXPORT heddle_status heddle_render(heddle_graph* graph, heddle_scene* sce
  * Bytes of the output and of kept ports must agree; what differs depends on something undeclared and is HEDDLE_BUG, as
  * is everything that HEDDLE_HOST_CHECK finds, which the host must have. Says as JSON what was done: {"frames", "runs",
  * "orders", "unordered_pairs", "seen_both_ways", "poisons", "compared", "lists", "overflowed": frames that were not
- * compared}. [main-thread] */
+ * compared}. A job runs once in each, without the cache; its artifacts and reports must agree. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene,
                                                const heddle_render_options* options, uint32_t frames,
                                                const char** out_json);
@@ -315,8 +325,23 @@ HEDDLE_EXPORT heddle_status heddle_read_into(heddle_graph* graph, const char* po
 /* Of the last frame: wall time, pass times if profiled, counters of commands and pipelines, instances drawn and culled,
  * capacity, count and overflow of lists, memory with and without aliasing, libraries opened. "artifacts": of each stage that
  * is cached, where what it made last came from, since the graph was loaded: {"pass", "stage", "origin": "made" or "cache", "key",
- * "file" ("" if it could not be kept), "bytes"}. JSON. [main-thread] */
+ * "file" ("" if it could not be kept), "bytes"}; and of each artifact of a job that an input names, {"job": "links.toml",
+ * "pass", "port", ...}. JSON. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_stats(heddle_graph* graph, const char** out_json);
+
+/* ---- Jobs --------------------------------------------------------------------------------------------------------- */
+/* Runs a graph that says kind = "job": makes what its passes leave, their artifacts and reports, unless the cache holds it
+ * already. The scene is posed at the options' time; options may be NULL. Nothing is written half: a run that is cancelled,
+ * or killed, leaves what was complete, and stages that can go on do so in the next run. Says as JSON what there is now:
+ * {"wall_ms", "errors": rows of level error, "artifacts": [{"name": "bake.links", "origin": "made" or "cache", "key", "file" ("" if it
+ * could not be kept), "bytes"}], "reports": [{"name", "origin", "key", "file", "rows": [{"level": "error", "warning" or
+ * "info", "message", "values": {"vertex": 12}}]}]}; numbers that JSON lacks are "nan", "inf", "-inf". [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_job_run(heddle_graph* job, heddle_scene* scene, const heddle_render_options* options,
+                                           const char** out_json);
+/* Bytes of an artifact that the last run made or found; NULL: of the job's output, else of its only artifact. They belong to
+ * the job until it runs again. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_job_artifact(heddle_graph* job, const char* artifact, const void** out,
+                                                uint64_t* out_bytes);
 
 /* ---- Images ------------------------------------------------------------------------------------------------------- */
 /* Any format OpenImageIO reads or writes; float values of 8-bit files are 0..1 as stored. The file is written under a

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // heddle list: roles and techniques, from manifests alone.
 
+#include "cli/role_page.hpp"
 #include "cli/session.hpp"
 #include "json.hpp"
 
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <memory>
 
 namespace heddle::cli {
@@ -35,19 +37,47 @@ void print_components(const Json& role) {
   }
 }
 
-int list(const HostArguments& arguments, const std::string& only_role, bool as_json) {
-  const Owned<heddle_host> host = make_host(arguments);
+struct ListArguments {
+  HostArguments host;
+  std::string role, folder;
+  bool as_json = false, as_markdown = false;
+};
+
+/// A page a role, on standard output or as ROLE.md files of a folder.
+void print_pages(const Json& list, const ListArguments& arguments) {
+  std::error_code ignored;  // write_file says what is wrong, with the file's name
+  if (!arguments.folder.empty()) std::filesystem::create_directories(arguments.folder, ignored);
+  for (const Json& role : list["roles"]) {
+    const auto name = role["name"].get<std::string>();
+    if (!arguments.role.empty() && name != arguments.role) continue;
+    const std::string page = role_page(list, role);
+    if (arguments.folder.empty()) {
+      fmt::print("{}", page);
+    } else {
+      write_file(std::filesystem::path(arguments.folder) / (name + ".md"), page);
+    }
+  }
+}
+
+int list(const ListArguments& arguments) {
+  const std::string& only_role = arguments.role;
+  const Owned<heddle_host> host = make_host(arguments.host);
   const char* text = nullptr;
   check(host.get(), heddle_list(host.get(), &text));
-  if (as_json) {
+  if (arguments.as_json) {
     fmt::print("{}\n", text);
     return HEDDLE_OK;
   }
   const Json list = parse_json(text);
   bool is_known = only_role.empty();
+  if (arguments.as_markdown) {
+    print_pages(list, arguments);
+    is_known =
+        is_known || std::ranges::any_of(list["roles"], [&](const Json& role) { return role["name"] == only_role; });
+  }
   for (const Json& role : list["roles"]) {
     const auto name = role["name"].get<std::string>();
-    if (!only_role.empty() && name != only_role) continue;
+    if (arguments.as_markdown || (!only_role.empty() && name != only_role)) continue;
     is_known = true;
     fmt::print("{}: {}\n", name, role.value("title", ""));
     for (const Json& technique : list["techniques"]) {
@@ -73,17 +103,14 @@ int list(const HostArguments& arguments, const std::string& only_role, bool as_j
 void add_list(CLI::App& app, int* exit_status) {
   CLI::App* command =
       app.add_subcommand("list", "roles and their techniques; with a role: its parameters and components too");
-  struct Arguments {
-    HostArguments host;
-    std::string role;
-    bool as_json = false;
-  };
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ListArguments>();
   arguments->host.add_to(*command);
   command->add_option("role", arguments->role, "only this role");
   command->add_flag("--json", arguments->as_json, "everything, as JSON");
-  command->callback(
-      [arguments, exit_status] { *exit_status = list(arguments->host, arguments->role, arguments->as_json); });
+  CLI::Option* markdown = command->add_flag("--markdown", arguments->as_markdown,
+                                            "a page a role: contract, techniques, parameters, hard cases");
+  command->add_option("--output", arguments->folder, "write the pages as ROLE.md into this folder")->needs(markdown);
+  command->callback([arguments, exit_status] { *exit_status = list(*arguments); });
 }
 
 }  // namespace heddle::cli

@@ -61,6 +61,27 @@ void write_folder(const fs::path& folder, const std::vector<TemplateFile>& files
   }
 }
 
+/// Outside of Heddle's own tree, and in a folder that nothing builds yet: the project that builds it. True if it was
+/// made.
+bool write_project(const fs::path& folder) {
+  const fs::path absolute = fs::absolute(folder).lexically_normal();
+  const fs::path name = absolute.has_filename() ? absolute.filename() : absolute.parent_path().filename();
+  const fs::path parent = absolute.has_filename() ? absolute.parent_path() : absolute.parent_path().parent_path();
+  const fs::path file = parent / "CMakeLists.txt";
+  if (fs::exists(absolute / "CMakeLists.txt") || fs::exists(file)) return false;
+  write_file(file,
+             fmt::format("# cmake -B build -DCMAKE_PREFIX_PATH=<where Heddle is installed> && cmake --build build,\n"
+                         "# then HEDDLE_PLUGIN_PATH=build/plugins heddle list\n"
+                         "cmake_minimum_required(VERSION 3.25)\n"
+                         "project(techniques LANGUAGES C CXX)\n"
+                         "if(NOT CMAKE_BUILD_TYPE)\n  set(CMAKE_BUILD_TYPE Release)\nendif()\n"
+                         "find_package(heddle {} REQUIRED)\n"
+                         "heddle_plugin_folder({})\n",
+                         heddle_version(), name.string()));
+  fmt::print("{}\n", file.string());
+  return true;
+}
+
 void run(const Arguments& arguments) {
   if (!is_technique_name(arguments.name)) {
     throw Failure{HEDDLE_BAD_INPUT,
@@ -78,7 +99,9 @@ void run(const Arguments& arguments) {
   write_folder(folder, files);
   fmt::print("{}\n", folder.string());
   for (const TemplateFile& file : files) fmt::print("  {}\n", file.name);
-  say(arguments.host, "build again to have it in `heddle list`");
+  const bool is_outside = write_project(arguments.folder);
+  say(arguments.host, is_outside ? "the first lines of CMakeLists.txt say how to build it and have it in `heddle list`"
+                                 : "build again to have it in `heddle list`");
 }
 
 }  // namespace

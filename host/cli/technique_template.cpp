@@ -49,6 +49,7 @@ struct UsedPort {
   std::string name, builder, c_type, access;
   bool is_optional = false;
   bool is_output = false;
+  bool is_list = false;
 };
 
 /// What the template knows of its role.
@@ -98,7 +99,11 @@ class Template {
     used.role = &port;
     used.name = text_of(port, "name");
     used.is_optional = port["optional"].get<bool>();
-    used.c_type = type == "image" ? "HEDDLE_PORT_IMAGE" : type == "buffer" ? "HEDDLE_PORT_BUFFER" : "HEDDLE_PORT_VALUE";
+    used.is_list = port["list"].get<bool>();
+    used.c_type = type == "image"      ? "HEDDLE_PORT_IMAGE"
+                  : type == "buffer"   ? "HEDDLE_PORT_BUFFER"
+                  : type == "artifact" ? "HEDDLE_PORT_ARTIFACT"
+                                       : "HEDDLE_PORT_VALUE";
     used.is_output = direction == "out";
     if (used.is_output && type != "image" && !used.is_optional) {
       throw Failure{HEDDLE_UNSUPPORTED,
@@ -113,7 +118,7 @@ class Template {
       used.builder = "image_out";
       used.access = "storage_write";
     } else {
-      used.builder = type + "_in";
+      used.builder = used.is_list ? "list_in" : type + "_in";
       used.access = type == "image" ? "sampled" : type == "buffer" ? "storage_read" : "value";
     }
     ports_.push_back(std::move(used));
@@ -149,8 +154,9 @@ class Template {
       text += has_shader_ ? " A smaller format may hold the range.\n" : "\n";
       text += "constexpr heddle_port kPorts[] = {\n";
       for (const UsedPort& port : ports_) {
-        text += fmt::format("    {}(\"{}\", {}nullptr{}),\n", port.builder, port.name,
-                            port.is_output ? std::string(kFormat) + ", " : "",
+        const std::string_view contents = port.is_list && port.is_optional ? ", nullptr" : "";  // as the role says
+        text += fmt::format("    {}(\"{}\", {}nullptr{}{}),\n", port.builder, port.name,
+                            port.is_output ? std::string(kFormat) + ", " : "", contents,
                             port.is_optional ? ", HEDDLE_PORT_OPTIONAL" : "");
       }
       text += "};\n";
@@ -227,7 +233,10 @@ class Template {
         text += fmt::format("    {{.struct_size = sizeof(heddle_port),\n     .name = \"{}\",\n     .type = {},\n",
                             port.name, port.c_type);
         text += fmt::format("     .direction = {}", port.is_output ? "HEDDLE_OUT" : "HEDDLE_IN");
-        if (port.is_optional) text += ",\n     .flags = HEDDLE_PORT_OPTIONAL";
+        const std::string flags = std::string(port.is_optional ? "HEDDLE_PORT_OPTIONAL" : "") +
+                                  (port.is_optional && port.is_list ? " | " : "") +
+                                  (port.is_list ? "HEDDLE_PORT_LIST" : "");
+        if (!flags.empty()) text += ",\n     .flags = " + flags;
         if (port.is_output) text += fmt::format(",\n     .format = {}", kFormat);
         text += "},\n";
       }

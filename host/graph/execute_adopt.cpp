@@ -3,6 +3,7 @@
 // passes, their pipelines, and what they keep between frames.
 
 #include "graph/execute_state.hpp"
+#include "graph/uses.hpp"
 
 #include <algorithm>
 #include <cstddef>
@@ -14,7 +15,7 @@ namespace {
 bool is_same_shape(const Resource& a, const Resource& b) {
   return a.type == b.type && a.format == b.format && a.width == b.width && a.height == b.height &&
          a.layers == b.layers && a.mips == b.mips && a.flags == b.flags && a.byte_size == b.byte_size &&
-         a.capacity == b.capacity && a.element_bytes == b.element_bytes;
+         a.capacity == b.capacity && a.element_bytes == b.element_bytes && a.content == b.content;
 }
 
 std::map<std::string, Resource, std::less<>> shapes_of(const ResolvedGraph& graph, const Pass& pass) {
@@ -34,11 +35,6 @@ std::vector<std::string> providers_of(const ResolvedGraph& graph, const Pass& pa
     }
   }
   return names;
-}
-
-/// The pass that makes a resource, or made it in the frame before; kNoIndex: the scene.
-PassIndex made_by(const ResolvedGraph& graph, const Resource& resource) {
-  return resource.history_of == kNoIndex ? resource.producer : graph.resources[resource.history_of].producer;
 }
 
 bool needs_declare(const Technique& technique, const Pass& a, const Pass& b) {
@@ -90,7 +86,7 @@ void Executor::State::retire() {
     const bool is_memory = state.image || state.buffer;
     const bool is_wanted =
         std::ranges::any_of(wanted, [&](ResourceIndex w) { return resources[w].root == i && state.image; });
-    const bool is_value = graph.resources[i].type == PortType::kValue && state.value.is_set;
+    const bool is_value = (graph.resources[i].type == PortType::kValue && state.value.is_set) || state.made;
     if (!is_value && !(is_memory && (is_wanted || is_any_version_kept(i)))) continue;
     legacy.memory.try_emplace(graph.resources[i].name, graph.resources[i], std::move(state));
   }
@@ -146,17 +142,9 @@ bool Executor::State::keep_adopted(PassIndex index) {
   }
   if (!is_same) return false;
   for (const auto& [port, resource] : pass.ports) {
-    const Resource& old = object.shapes.at(port);
     Resource& now = graph.resources[resource];
     if (now.producer != index || now.type == PortType::kValue) continue;
-    now.format = old.format;
-    now.width = old.width;
-    now.height = old.height;
-    now.layers = old.layers;
-    now.mips = old.mips;
-    now.byte_size = old.byte_size;
-    now.capacity = old.capacity;
-    now.element_bytes = old.element_bytes;
+    copy_shape(now, object.shapes.at(port));
   }
   for (ReadBackRing& ring : object.rings) {
     ring.pass = index;
@@ -183,7 +171,7 @@ void Executor::State::adopt_rings(PassIndex index) {
 /// What a port held that has another shape since its pass was declared again.
 Legacy::Memory* Executor::State::outgrown(ResourceIndex index) {
   const Resource& resource = graph.resources[index];
-  const PassIndex producer = made_by(graph, resource);
+  const PassIndex producer = maker_of(graph, resource);
   const bool is_redeclared = producer != kNoIndex && passes[producer] && passes[producer]->is_redeclared;
   if (!is_redeclared || !is_any_version_kept(index)) return nullptr;
   const auto found = legacy.memory.find(resource.name);
@@ -207,6 +195,7 @@ void Executor::State::migrate(ResourceIndex index, std::uint32_t list_count) {
   dependency.pMemoryBarriers = &memory;
   vk.CmdPipelineBarrier2(commands, &dependency);
   if (resource.is_list() && resource.element_bytes == old->shape.element_bytes) {
+    resources[index].appended = list_count;
     const std::array<std::uint32_t, kListHead / 4> head{list_count};
     vk.CmdUpdateBuffer(commands, resources[index].buffer.handle(), 0, sizeof head, head.data());
     const VkBufferCopy elements{kListHead, kListHead, std::uint64_t{list_count} * resource.element_bytes};
@@ -214,7 +203,7 @@ void Executor::State::migrate(ResourceIndex index, std::uint32_t list_count) {
       vk.CmdCopyBuffer(commands, old->state.buffer.handle(), resources[index].buffer.handle(), 1, &elements);
     vk.CmdPipelineBarrier2(commands, &dependency);
   }
-  const PassIndex producer = made_by(graph, resource);
+  const PassIndex producer = maker_of(graph, resource);
   PassState& pass = *passes[producer];
   const bool has_migrate =
       pass.descriptor->struct_size >= offsetof(heddle_technique, migrate) + sizeof pass.descriptor->migrate;
@@ -242,7 +231,7 @@ void Executor::State::migrate(ResourceIndex index, std::uint32_t list_count) {
 /// Contents that outlast frames, where their maker is still the same object.
 void Executor::State::adopt_memory(ResourceIndex index) {
   const Resource& resource = graph.resources[index];
-  const PassIndex producer = made_by(graph, resource);
+  const PassIndex producer = maker_of(graph, resource);
   if (producer == kNoIndex || !passes[producer] || !passes[producer]->is_adopted) return;
   const auto found = legacy.memory.find(resource.name);
   if (found == legacy.memory.end() || !is_same_shape(found->second.shape, resource)) return;
@@ -250,10 +239,14 @@ void Executor::State::adopt_memory(ResourceIndex index) {
   ResourceState& now = resources[index];
   if (resource.type == PortType::kValue) {
     now.value = std::move(old.value);
+  } else if (resource.type == PortType::kSurfaces) {
+    now.made = std::move(old.made);
+    if (now.made) now.made->is_placed = false;
   } else {
     now.image = std::move(old.image);
     now.buffer = std::move(old.buffer);
     now.layout = old.layout;
+    now.appended = old.appended;
   }
   now.is_adopted = true;
   legacy.memory.erase(found);

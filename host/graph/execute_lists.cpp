@@ -3,6 +3,7 @@
 // counted when the frame is over.
 
 #include "graph/execute_state.hpp"
+#include "graph/uses.hpp"
 #include "vulkan/hazard_recorder.hpp"
 
 #include <fmt/format.h>
@@ -53,12 +54,24 @@ AccessInfo Executor::State::list_access(const ScheduledStage& stage, ResourceInd
 }
 
 /// The stage's barriers have been recorded; they cover the transfer.
-void Executor::State::empty_lists(std::uint32_t stage) {
+void Executor::State::begin_lists(std::uint32_t stage, std::uint32_t activity) {
+  const ScheduledStage& scheduled = order.stages[stage];
   for (const ResourceIndex list : lists.emptied[stage]) {
-    const ResourceState& state = resources[list];
+    ResourceState& state = resources[list];
+    const Resource& resource = graph.resources[list];
     if (!state.buffer) continue;
-    device->table().CmdFillBuffer(commands, state.buffer.handle(), 0, kListHead, 0);
-    const AccessInfo next = list_access(order.stages[stage], list);
+    // Callers of a function that appends have a say in what they make themselves, not in the list.
+    const bool is_makers = scheduled.pass == resource.producer;
+    const bool is_left = activity == HEDDLE_KEEP && is_makers && is_kept(graph, list);
+    const bool is_neutral = activity == HEDDLE_NOTHING && is_makers;
+    const bool is_emptied = !is_left && (!lists.goes_on[list] || info.cut != 0 || is_neutral);
+    // What had no room in the last frame is no part of this one's count.
+    const bool is_over = lists.goes_on[list] && state.appended > resource.capacity;
+    if (!is_emptied && !is_over) continue;
+    state.appended = is_emptied ? 0 : resource.capacity;
+    sorted_counts[list] = state.appended;
+    device->table().CmdFillBuffer(commands, state.buffer.handle(), 0, sizeof state.appended, state.appended);
+    const AccessInfo next = list_access(scheduled, list);
     Barrier barrier;
     barrier.resource = list;
     barrier.source_stages = VK_PIPELINE_STAGE_2_CLEAR_BIT;
@@ -110,6 +123,7 @@ void Executor::State::tell_counts() {
     device->note_host_read(buffer, at, kListHead);
     const Resource& list = graph.resources[count_slots[i]];
     const std::uint32_t appended = read_count(buffer.data() + at);
+    resources[count_slots[i]].appended = appended;
     heddle_list_count& count = counts[count_slots[i]];
     count.struct_size = sizeof count;
     count.capacity = list.capacity;
@@ -211,8 +225,6 @@ void Executor::State::sort_appended(std::uint32_t stage) {
     const Resource& resource = graph.resources[list];
     const vulkan::Buffer& buffer = resources[list].buffer;
     if (!buffer || resource.capacity == 0) continue;
-    const auto emptied = std::ranges::find(lists.emptied[stage], list);
-    if (emptied != lists.emptied[stage].end()) sorted_counts[list] = 0;
     const vulkan::hazard::Recorder::Pause pause(device->recorder());
     const heddle_vulkan& vk = device->table();
     const vulkan::Buffer staging =

@@ -14,11 +14,6 @@ bool is_image_or_buffer(const Resource& resource) {
   return resource.type == PortType::kImage || resource.type == PortType::kBuffer;
 }
 
-VkImageAspectFlags aspect_of(std::uint32_t format) {
-  return vulkan::format_info(static_cast<VkFormat>(format)).is_depth ? VK_IMAGE_ASPECT_DEPTH_BIT
-                                                                     : VK_IMAGE_ASPECT_COLOR_BIT;
-}
-
 }  // namespace
 
 Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout to) {

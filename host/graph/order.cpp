@@ -318,7 +318,11 @@ class Scheduler {
             refuse_in_loop(loop, scheduled, use.resource, "changes", ", which is made before the loop",
                            "what an iteration changes is made in it");
           }
-          const bool is_own = is_kept(graph_, first) && is_written(order, first, loop.begin, loop.end);
+          // A list of which each frame makes all is empty before its first use.
+          const bool is_fresh_list =
+              graph_.resources[first].is_list() && (graph_.resources[first].flags & HEDDLE_PORT_REWRITTEN) != 0;
+          const bool is_own =
+              !is_fresh_list && is_kept(graph_, first) && is_written(order, first, loop.begin, loop.end);
           if (is_first && use.reads && is_own) {
             refuse_in_loop(loop, scheduled, use.resource, "keeps its state in", " in place",
                            "what lasts is read by @previous, which stands still in a loop");

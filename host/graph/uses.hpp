@@ -29,6 +29,9 @@ std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex p
 /// Producers of what the pass reads of earlier frames, itself included; sorted.
 std::vector<PassIndex> find_past_dependencies(const ResolvedGraph& graph, PassIndex pass);
 
+/// The pass that makes a resource, or made it in the frame before; kNoIndex: the scene.
+PassIndex maker_of(const ResolvedGraph& graph, const Resource& resource);
+
 /// True if the resource's contents last from frame to frame: kept by its technique, or a version of what is.
 bool is_kept(const ResolvedGraph& graph, ResourceIndex resource);
 
@@ -36,6 +39,18 @@ bool is_kept(const ResolvedGraph& graph, ResourceIndex resource);
 inline bool has_memory(PortType type) {
   return type == PortType::kImage || type == PortType::kBuffer;
 }
+
+/// The versions of surfaces that passes made, the newest first: what a later one places anew is gone from the earlier.
+std::vector<ResourceIndex> made_surfaces(const ResolvedGraph& graph, ResourceIndex surfaces);
+/// True if the scene's own triangles are beneath them.
+bool holds_scene(const ResolvedGraph& graph, ResourceIndex surfaces);
+/// The buffers of one made version; kNoIndex: it has none.
+struct BatchBuffers {
+  ResourceIndex vertices = kNoIndex, indices = kNoIndex, instances = kNoIndex, commands = kNoIndex;
+};
+BatchBuffers batch_buffers_of(const ResolvedGraph& graph, ResourceIndex made);
+/// Every buffer that drawing the surfaces reads.
+std::vector<ResourceIndex> batch_buffers(const ResolvedGraph& graph, ResourceIndex surfaces);
 
 /// "HEDDLE_ACCESS_" in words of people: "sampled", "colour", ...
 std::string_view access_name(std::uint32_t access);

@@ -17,7 +17,7 @@ Json reference_to_json(const std::string& technique, const std::map<std::string,
   return technique.empty() ? Json(nullptr) : Json{{"technique", technique}, {"params", params}};
 }
 
-Json port_to_json(const RolePort& port) {
+Json role_port_to_json(const RolePort& port) {
   Json neutral = Json::array();
   for (const double number : port.neutral) neutral.push_back(number_to_json(number));
   return {{"name", port.name},
@@ -33,7 +33,7 @@ Json port_to_json(const RolePort& port) {
           {"help", port.help}};
 }
 
-Json function_to_json(const RoleFunction& function) {
+Json role_function_to_json(const RoleFunction& function) {
   return {{"name", function.name}, {"signature", function.signature},        {"neutral", function.neutral},
           {"unit", function.unit}, {"range", range_to_json(function.range)}, {"help", function.help}};
 }
@@ -61,8 +61,8 @@ Json role_to_json(const Role& role, const Registry& registry) {
   Json functions = Json::array();
   Json hard_cases = Json::array();
   Json components = Json::array();
-  for (const RolePort& port : role.ports) ports.push_back(port_to_json(port));
-  for (const RoleFunction& function : role.functions) functions.push_back(function_to_json(function));
+  for (const RolePort& port : role.ports) ports.push_back(role_port_to_json(port));
+  for (const RoleFunction& function : role.functions) functions.push_back(role_function_to_json(function));
   for (const ComponentType& component : role.components) components.push_back(component_to_json(component));
   for (const HardCase& hard_case : role.hard_cases) {
     hard_cases.push_back({{"id", hard_case.id}, {"text", hard_case.text}});

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// heddle-check-shaders PLUGIN_OUTPUT_FOLDER MANIFEST: a tool of the build. Compiles every shader of a plugin with
-// neutral functions, and every function that it provides with a caller that calls all of its role. Errors are printed
-// as compilers print them.
+// heddle-check-shaders PLUGIN_FOLDER[:PLUGIN_FOLDER...] MANIFEST: a tool of the build. Compiles every shader of a
+// plugin with neutral functions, and every function that it provides with a caller that calls all of its role. Errors
+// are printed as compilers print them.
 #include "vulkan/shader.hpp"
 
 #include <algorithm>
@@ -16,13 +16,26 @@ namespace {
 using namespace heddle;
 namespace fs = std::filesystem;
 
-std::map<std::string, Role, std::less<>> read_roles(const fs::path& folder) {
+std::vector<fs::path> split_folders(std::string_view text) {
+  std::vector<fs::path> folders;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find(':'), text.size());
+    if (end > 0) folders.emplace_back(text.substr(0, end));
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return folders;
+}
+
+// Where two folders have a role, the first one's is it, as it is for hosts.
+std::map<std::string, Role, std::less<>> read_roles(const std::vector<fs::path>& folders) {
   std::map<std::string, Role, std::less<>> roles;
-  for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
-    const fs::path file = entry.path() / "role.toml";
-    if (!fs::is_regular_file(file)) continue;
-    Role role = read_role(file);
-    roles.emplace(role.name, std::move(role));
+  for (const fs::path& folder : folders) {
+    for (const fs::directory_entry& entry : fs::directory_iterator(folder)) {
+      const fs::path file = entry.path() / "role.toml";
+      if (!fs::is_regular_file(file)) continue;
+      Role role = read_role(file);
+      roles.emplace(role.name, std::move(role));
+    }
   }
   return roles;
 }
@@ -57,7 +70,8 @@ std::vector<vulkan::BoundPort> bound_ports(const Technique& technique, const Rol
 
 class Checker {
  public:
-  explicit Checker(const fs::path& folder) : roles_(read_roles(folder)), shared_{folder / "shared"} {
+  explicit Checker(const std::vector<fs::path>& folders) : roles_(read_roles(folders)) {
+    for (const fs::path& folder : folders) shared_.push_back(folder / "shared");
     for (const auto& [name, role] : roles_) {
       for (const ComponentType& component : role.components) components_.add(component);
     }
@@ -151,7 +165,7 @@ class Checker {
 
 int main(int argc, char** argv) {
   if (argc != 3) {
-    fmt::print(stderr, "usage: heddle-check-shaders PLUGIN_OUTPUT_FOLDER MANIFEST\n");
+    fmt::print(stderr, "usage: heddle-check-shaders PLUGIN_FOLDER[:PLUGIN_FOLDER...] MANIFEST\n");
     return HEDDLE_BAD_INPUT;
   }
   try {
@@ -162,9 +176,10 @@ int main(int argc, char** argv) {
     if (!stream) throw Error(HEDDLE_BAD_INPUT, fmt::format("{} cannot be read", file.string()));
     const Manifest manifest = manifest_from_json(text.str(), file);
     const fs::path folder = manifest.folder.empty() ? file.parent_path() : manifest.folder;
+    const std::vector<fs::path> folders = split_folders(argv[1]);
     bool is_good = true;
     for (const Technique& technique : manifest.techniques) {
-      is_good = Checker(argv[1]).run(technique, folder) && is_good;
+      is_good = Checker(folders).run(technique, folder) && is_good;
     }
     return is_good ? HEDDLE_OK : 1;
   } catch (const Error& error) {

@@ -12,10 +12,6 @@ namespace {
 
 constexpr std::uint64_t kBlockBytes = 64ull << 20;
 
-std::uint64_t round_up(std::uint64_t value, std::uint64_t alignment) {
-  return (value + alignment - 1) / alignment * alignment;
-}
-
 }  // namespace
 
 struct MemoryPools::Block {

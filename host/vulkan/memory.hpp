@@ -9,6 +9,11 @@
 
 namespace heddle::vulkan {
 
+/// The next multiple of `alignment`.
+constexpr std::uint64_t round_up(std::uint64_t value, std::uint64_t alignment) {
+  return (value + alignment - 1) / alignment * alignment;
+}
+
 /// What is asked of a memory type: `needed` must be there; more of `liked` and less of `disliked` is better.
 struct MemoryWish {
   VkMemoryPropertyFlags needed = 0, liked = 0, disliked = 0;

@@ -72,10 +72,6 @@ std::string shape_text(const ImageShape& shape) {
          " mips";
 }
 
-std::uint64_t round_up(std::uint64_t value, std::uint64_t alignment) {
-  return (value + alignment - 1) / alignment * alignment;
-}
-
 /// So that linear and optimal neighbours in one heap never share a page of bufferImageGranularity.
 VkMemoryRequirements keep_granularity(VkMemoryRequirements needs, std::uint64_t granularity) {
   needs.alignment = std::max(needs.alignment, granularity);  // both are powers of two

@@ -78,7 +78,8 @@ class Mesh(Structure):
         ("struct_size", c_uint32), ("vertex_count", c_uint32), ("index_count", c_uint32), ("reserved", c_uint32),
         ("positions", POINTER(c_float)), ("normals", POINTER(c_float)), ("tangents", POINTER(c_float)),
         ("uv0", POINTER(c_float)), ("uv1", POINTER(c_float)), ("colors", POINTER(c_float)),
-        ("indices", POINTER(c_uint32)),
+        ("indices", POINTER(c_uint32)), ("face_count", c_uint32), ("crease_count", c_uint32),
+        ("face_sizes", POINTER(c_uint32)), ("creases", POINTER(c_uint32)), ("sharpness", POINTER(c_float)),
     ]
 
 
@@ -188,6 +189,8 @@ PROTOTYPES = {
         c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), POINTER(c_uint32), c_uint32, c_char_p, _TEXT]),
     "heddle_graph_check": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), c_uint32, _TEXT]),
     "heddle_stats": (c_int32, [c_void_p, _TEXT]),
+    "heddle_job_run": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), _TEXT]),
+    "heddle_job_artifact": (c_int32, [c_void_p, c_char_p, POINTER(c_void_p), POINTER(c_uint64)]),
     "heddle_image_read": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),
     "heddle_image_write": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),
     "heddle_image_compare": (c_int32, [c_void_p, POINTER(Image), POINTER(Image), c_char_p, _TEXT]),

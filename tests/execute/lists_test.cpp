@@ -5,7 +5,11 @@
 
 #include <gmock/gmock.h>
 
+#include <heddle/plugin.h>
+
 #include <nlohmann/json.hpp>
+
+#include <fmt/format.h>
 
 #include <numeric>
 #include <set>
@@ -46,8 +50,11 @@ std::string shaded(const std::string& parameters) {
                   pass("find", "find", parameters) + pass("shade", "shade", "inputs.pixels = \"find.pixels\"\n"));
 }
 
-Image frame(Graph& graph, Scene& scene) {
-  check(heddle_render(graph.handle, scene.handle, nullptr));
+Image frame(Graph& graph, Scene& scene, bool is_cut = false) {
+  heddle_render_options options{};
+  options.struct_size = sizeof options;
+  options.cut = is_cut ? 1 : 0;
+  check(heddle_render(graph.handle, scene.handle, &options));
   return graph.read();
 }
 nlohmann::json stats(Graph& graph) {
@@ -226,6 +233,77 @@ TEST(List, ThatIsKeptGoesOnAndCarriesItsElementsWhenItGrows) {
   EXPECT_EQ(capacity, 100U);
 }
 
+TEST(List, ThatIsKeptTellsOfEachFrameHowManyHadNoRoom) {
+  Scene scene;
+  Graph graph(
+      graph_of("collect", pass("collect", "collect", "params.share = 10\nparams.room = 25\nparams.grows = false\n")));
+  for (std::uint32_t k = 0; k < 5; ++k) {
+    const Image image = frame(graph, scene);
+    const std::uint32_t count = std::min(10 * (k + 1), 25U);
+    EXPECT_EQ(stats(graph)["lists"], nlohmann::json::array({list_of("collect.pixels", 25, count,
+                                                                    k < 2    ? 0
+                                                                    : k == 2 ? 5
+                                                                             : 10)}))
+        << "frame " << k;
+    EXPECT_EQ(image.at(0, 0, 0), static_cast<float>(count)) << "frame " << k;
+  }
+  // A frame that appends nothing leaves nothing out.
+  graph.set(fmt::format("collect.params.activity={}", HEDDLE_KEEP));
+  frame(graph, scene);
+  EXPECT_EQ(stats(graph)["lists"], nlohmann::json::array({list_of("collect.pixels", 25, 25, 0)}));
+}
+
+TEST(List, ThatIsKeptIsEmptiedByACutAndByItsMakerAlone) {
+  Scene scene;
+  for (const bool is_rewritten : {false, true}) {
+    Graph graph(graph_of(
+        "collect", pass("collect", is_rewritten ? "rewrite" : "collect", "params.share = 10\nparams.room = 100\n")));
+    std::uint32_t count = 0;
+    const auto expect = [&](std::uint32_t activity, bool is_cut) {
+      graph.set(fmt::format("collect.params.activity={}", activity));
+      const bool runs = activity == HEDDLE_RUN;
+      if (activity == HEDDLE_NOTHING || (is_cut && runs) || (is_rewritten && runs)) count = 0;
+      if (runs) count += 10;
+      const Image image = frame(graph, scene, is_cut);
+      EXPECT_EQ(stats(graph)["lists"], nlohmann::json::array({list_of("collect.pixels", 100, count, 0)}));
+      EXPECT_EQ(image.at(0, 0, 0), static_cast<float>(count))
+          << "rewritten " << is_rewritten << ", activity " << activity << ", cut " << is_cut;
+    };
+    expect(HEDDLE_RUN, false);
+    expect(HEDDLE_RUN, false);
+    expect(HEDDLE_KEEP, false);
+    expect(HEDDLE_RUN, true);
+    expect(HEDDLE_RUN, false);
+    expect(HEDDLE_NOTHING, false);
+    expect(HEDDLE_RUN, false);
+    expect(HEDDLE_KEEP, false);
+  }
+}
+
+TEST(List, IsMadeByWhoeverComesFirst) {
+  Scene scene;
+  Graph alone(graph_of("shade", pass("own", "own", "params.room = 3840\n") +
+                                    pass("shade", "shade", "inputs.pixels = \"own.pixels\"\n")));
+  expect_whole(frame(alone, scene));
+  EXPECT_EQ(stats(alone)["lists"], nlohmann::json::array({list_of("own.pixels", 3840, count_drawn(), 0)}));
+  Graph behind(graph_of("shade", pass("find", "find", "params.share = 0\nparams.room = 3000\n") +
+                                     pass("own", "own", "inputs.pixels = \"find.pixels\"\nparams.room = 1\n") +
+                                     pass("shade", "shade", "inputs.pixels = \"own.pixels\"\n")));
+  expect_whole(frame(behind, scene));
+  EXPECT_EQ(stats(behind)["lists"], nlohmann::json::array({list_of("find.pixels", 3000, count_drawn(), 0)}));
+}
+
+TEST(List, SurvivesASwapOfAnotherPassWithItsElements) {
+  Scene scene;
+  Graph graph(graph_of("order", pass("collect", "collect", "params.share = 10\nparams.room = 100\n") +
+                                    pass("order", "order", "inputs.pixels = \"collect.pixels\"\n")));
+  for (int k = 0; k < 3; ++k) frame(graph, scene);
+  graph.set("order.technique=shade");
+  frame(graph, scene);
+  EXPECT_EQ(stats(graph)["lists"], nlohmann::json::array({list_of("collect.pixels", 100, 40, 0)}));
+  EXPECT_EQ(stats(graph)["plan"]["passes_made"], 1);
+}
+
 TEST(Redeclare, MigratesAKeptImageAndItsHistory) {
   Scene scene;
   Graph graph(graph_of("canvas", pass("canvas", "canvas")));
@@ -249,6 +327,19 @@ std::string error_of(const std::string& text) {
   Scene scene;
   Graph graph(text);
   return heddle_render(graph.handle, scene.handle, nullptr) == HEDDLE_OK ? "" : heddle_error(Host::get().handle);
+}
+
+TEST(List, IsNotWhatReadsABufferOfFixedLengthExpects) {
+  Scene scene;
+  const std::string text =
+      graph_of("fixed", pass("find", "find") + pass("fixed", "fixed", "inputs.pixels = \"find.pixels\"\n"));
+  heddle_graph* graph = nullptr;
+  EXPECT_EQ(heddle_graph_parse(Host::get().handle, text.c_str(), "test.toml", ".", nullptr, 0, &graph),
+            HEDDLE_BAD_INPUT);
+  EXPECT_STREQ(
+      heddle_error(Host::get().handle),
+      "test.toml:11:17: error: pass 'fixed': input 'pixels' is a buffer of fixed length, but 'find.pixels' is a "
+      "list\n  found:    \"find.pixels\"\n  expected: a port that is a buffer of fixed length");
 }
 
 TEST(List, ThatIsTooLargeForTheDeviceIsRefused) {

@@ -9,8 +9,8 @@
 namespace heddle::graph {
 namespace {
 
-using testing::SyntheticGraph;
-using testing::touch;
+using test_support::SyntheticGraph;
+using test_support::touch;
 
 /// A chain of passes, each reading the one before: at any stage two images live.
 struct Chain : SyntheticGraph {

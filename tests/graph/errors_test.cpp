@@ -34,13 +34,13 @@ TEST_P(Errors, SayExactlyThis) {
   const fs::path before = fs::current_path();
   fs::current_path(fs::path(HEDDLE_SOURCE_DIR) / "tests" / "graph" / "errors");
   const std::string text = read(GetParam() + ".toml");
-  const std::string message = testing::message_of([&] {
+  const std::string message = test_support::message_of([&] {
     WrittenGraph written = read_graph(GetParam() + ".toml");
     constexpr std::string_view kSetting = "# --set ";
     for (std::size_t at = text.find(kSetting); at != std::string::npos; at = text.find(kSetting, at + 1))
       apply_setting(written,
                     std::string_view(text).substr(at + kSetting.size(), text.find('\n', at) - at - kSetting.size()));
-    ResolvedGraph graph = resolve(written, testing::shared_registry());
+    ResolvedGraph graph = resolve(written, test_support::shared_registry());
     weave_loops(graph);
     order(graph);
   });

@@ -16,9 +16,9 @@ struct Explained {
 };
 
 Explained explain(std::initializer_list<const char*> settings) {
-  WrittenGraph written = parse(testing::kSmallGraph, "small.toml");
+  WrittenGraph written = parse(test_support::kSmallGraph, "small.toml");
   for (const char* setting : settings) apply_setting(written, setting);
-  ResolvedGraph graph = resolve(written, testing::shared_registry());
+  ResolvedGraph graph = resolve(written, test_support::shared_registry());
   prune(graph, std::array{graph.output}, {});
   const Order sequence = order(graph);
   std::vector<MemoryNeed> needs;
@@ -50,7 +50,7 @@ TEST(Explain, SaysThePeakMemoryOrThatNobodyKnowsIt) {
   const auto memory = nlohmann::json::parse(explain({"extent=[64,32]"}).json)["memory"];
   EXPECT_GE(memory["own_bytes"], 4 * 64 * 32) << "the output, which is read afterwards";
   EXPECT_LE(memory["heap_bytes"], memory["unaliased_bytes"]);
-  ResolvedGraph graph = resolve(parse(testing::kSmallGraph, "small.toml"), testing::shared_registry());
+  ResolvedGraph graph = resolve(parse(test_support::kSmallGraph, "small.toml"), test_support::shared_registry());
   prune(graph, std::array{graph.output}, {});
   const Order sequence = order(graph);
   const Placement placement = alias(graph, sequence, std::vector<MemoryNeed>(graph.resources.size()), {});

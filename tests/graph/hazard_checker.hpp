@@ -5,7 +5,7 @@
 
 #include "graph/stages.hpp"
 
-namespace heddle::graph::testing {
+namespace heddle::graph::test_support {
 
 /// One line for each hazard: frame, stage, resource and what is missing. Empty: every access is safe.
 /// Strict: a barrier counts only for the memory of its own resource, although its execution part would order more.
@@ -20,4 +20,4 @@ std::vector<std::string> find_needless_barriers(const ResolvedGraph& graph, cons
                                                 std::span<const MemoryNeed> needs, const Placement& placement,
                                                 const BarrierPlan& plan, std::span<const ResourceIndex> wanted);
 
-}  // namespace heddle::graph::testing
+}  // namespace heddle::graph::test_support

@@ -12,13 +12,13 @@
 namespace heddle::graph {
 namespace {
 
+using test_support::find_hazards;
+using test_support::find_needless_barriers;
+using test_support::message_of;
+using test_support::SyntheticGraph;
+using test_support::touch;
 using ::testing::ElementsAre;
-using testing::find_hazards;
-using testing::find_needless_barriers;
 using ::testing::IsEmpty;
-using testing::message_of;
-using testing::SyntheticGraph;
-using testing::touch;
 
 /// camera -> draw.a -> light.b -> loop (gathers b, makes it anew) -> show.c; table.t is read by light, not repeated.
 struct Sampled : SyntheticGraph {
@@ -69,14 +69,14 @@ struct Sampled : SyntheticGraph {
   }
 };
 
-struct Planned {
+struct PlannedLoops {
   std::vector<MemoryNeed> needs;
   Placement placement;
   BarrierPlan plan;
 };
 
-Planned plan_frame(const ResolvedGraph& graph, const Order& sequence, std::span<const ResourceIndex> wanted) {
-  Planned planned;
+PlannedLoops plan_frame(const ResolvedGraph& graph, const Order& sequence, std::span<const ResourceIndex> wanted) {
+  PlannedLoops planned;
   for (const Resource& resource : graph.resources) {
     const bool has_memory = (resource.type == PortType::kImage || resource.type == PortType::kBuffer) &&
                             resource.previous_version == kNoIndex;
@@ -87,8 +87,8 @@ Planned plan_frame(const ResolvedGraph& graph, const Order& sequence, std::span<
   return planned;
 }
 
-Planned expect_proven(const ResolvedGraph& graph, const Order& sequence, std::span<const ResourceIndex> wanted) {
-  Planned planned = plan_frame(graph, sequence, wanted);
+PlannedLoops expect_proven(const ResolvedGraph& graph, const Order& sequence, std::span<const ResourceIndex> wanted) {
+  PlannedLoops planned = plan_frame(graph, sequence, wanted);
   for (const std::uint32_t iterations : {1U, 2U, 3U, 4U})
     EXPECT_THAT(find_hazards(graph, sequence, planned.needs, planned.placement, planned.plan, wanted, 3, iterations),
                 IsEmpty())
@@ -159,7 +159,7 @@ TEST(Loops, RepeatChangersOfTheOverriddenValueToo) {
 TEST(Loops, KeepWhatIsMadeBeforeAliveToTheEnd) {
   Sampled made;
   const Order sequence = made.weave();
-  const Planned planned = expect_proven(made.graph, sequence, std::array{made.c});
+  const PlannedLoops planned = expect_proven(made.graph, sequence, std::array{made.c});
   // The table is read by light alone, but in every iteration: what is drawn before may not take its bytes.
   EXPECT_NE(planned.placement.offset[made.t], planned.placement.offset[made.a]);
   EXPECT_NE(planned.placement.offset[made.t], planned.placement.offset[made.b]);
@@ -267,6 +267,24 @@ TEST(Loops, RefuseStateThatAdvancesInPlace) {
             "  help:     put pass 'light' behind 'aa', or give 'aa' technique = \"none\"");
 }
 
+TEST(Loops, LetIterationsMakeAKeptListAnew) {
+  for (const bool is_rewritten : {true, false}) {
+    Sampled made;
+    const ResourceIndex list = made.buffer(
+        made.draw, "list", HEDDLE_PORT_LIST | HEDDLE_PORT_KEPT | (is_rewritten ? HEDDLE_PORT_REWRITTEN : 0U));
+    made.gpu(made.draw, "find", {touch("list", HEDDLE_ACCESS_APPEND)});
+    made.input(made.light, "list", list);
+    made.gpu(made.light, "use",
+             {touch("list", HEDDLE_ACCESS_STORAGE_READ), touch("b", HEDDLE_ACCESS_STORAGE_READ_WRITE)});
+    if (is_rewritten) {
+      expect_proven(made.graph, made.weave(), std::array{made.c});
+    } else {
+      EXPECT_THAT(message_of([&] { made.weave(); }),
+                  ::testing::HasSubstr("pass 'draw' keeps its state in 'draw.list' in place"));
+    }
+  }
+}
+
 TEST(Loops, NoteThatTheyRepeatNothing) {
   Sampled made;
   made.graph.passes[made.draw].ports.erase("view");
@@ -333,7 +351,7 @@ TEST(Loops, AreCoveredInGraphsMadeByChance) {
     prune(made.graph, wanted, {});
     weave_loops(made.graph);
     const Order sequence = order(made.graph);
-    const Planned planned = expect_proven(made.graph, sequence, wanted);
+    const PlannedLoops planned = expect_proven(made.graph, sequence, wanted);
     repeated += made.graph.loops[0].body.size();
     for (const auto& list : planned.plan.again) again += list.size();
     if (HasFailure()) FAIL() << "round " << round;

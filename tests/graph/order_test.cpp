@@ -10,9 +10,9 @@
 namespace heddle::graph {
 namespace {
 
-using testing::message_of;
-using testing::SyntheticGraph;
-using testing::touch;
+using test_support::message_of;
+using test_support::SyntheticGraph;
+using test_support::touch;
 
 TEST(Order, FollowsPortsAndNotTheFile) {
   SyntheticGraph made;

@@ -9,14 +9,11 @@
 namespace heddle::graph {
 namespace {
 
+using test_support::kSmallGraph;
+using test_support::message_of;
+using test_support::text;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
-using testing::kSmallGraph;
-using testing::message_of;
-
-const std::string& text(const Written& written) {
-  return std::get<std::string>(written.value);
-}
 
 std::vector<std::string> names(const WrittenGraph& graph) {
   std::vector<std::string> list;
@@ -77,7 +74,7 @@ TEST(Overlay, MarksParametersThatWereWrittenForAnotherTechnique) {
   apply_setting(graph, "ao.params.samples=8");
   EXPECT_EQ(find(graph, "ao").params[0].first.written_for, "gtao");
   EXPECT_EQ(find(graph, "ao").params[1].first.written_for, "");
-  const ResolvedGraph resolved = resolve(graph, testing::shared_registry());
+  const ResolvedGraph resolved = resolve(graph, test_support::shared_registry());
   ASSERT_EQ(resolved.notes.size(), 1U);
   EXPECT_EQ(resolved.notes[0],
             "pass 'ao': params.directions was written for 'gtao' and is left out: 'ray_traced' has no such parameter");
@@ -91,13 +88,13 @@ TEST(Overlay, CarriesParametersOverWhereBothTechniquesHaveThem) {
   WrittenGraph graph = parse(kSmallGraph, "base.toml");
   apply_setting(graph, "ao.params.radius=2");
   apply_setting(graph, "ao.technique=ray_traced");
-  const ResolvedGraph resolved = resolve(graph, testing::shared_registry());
+  const ResolvedGraph resolved = resolve(graph, test_support::shared_registry());
   EXPECT_EQ(resolved.passes[1].parameters[0].number[0], 2.0);
   EXPECT_TRUE(resolved.notes.empty());
 }
 
 TEST(Overlay, ReadsChainsOfFilesRelativeToEachFile) {
-  const testing::PluginFolder folder;
+  const test_support::PluginFolder folder;
   const auto root = folder.path() / "graphs";
   std::filesystem::create_directories(root / "deep");
   std::ofstream(root / "base.toml") << kSmallGraph;
@@ -111,7 +108,7 @@ TEST(Overlay, ReadsChainsOfFilesRelativeToEachFile) {
 }
 
 TEST(Overlay, NamesACircleOfFiles) {
-  const testing::PluginFolder folder;
+  const test_support::PluginFolder folder;
   std::ofstream(folder.path() / "a.toml") << "extends = \"b.toml\"\n";
   std::ofstream(folder.path() / "b.toml") << "extends = \"a.toml\"\n";
   EXPECT_THAT(message_of([&] { read_graph(folder.path() / "a.toml"); }),
@@ -119,7 +116,7 @@ TEST(Overlay, NamesACircleOfFiles) {
 }
 
 TEST(Overlay, NamesTheNearestFileWhenOneIsMissing) {
-  const testing::PluginFolder folder;
+  const test_support::PluginFolder folder;
   std::ofstream(folder.path() / "deferred.toml") << kSmallGraph;
   std::ofstream(folder.path() / "over.toml") << "extends = \"defered.toml\"\n";
   const std::string message = message_of([&] { read_graph(folder.path() / "over.toml"); });
@@ -128,7 +125,7 @@ TEST(Overlay, NamesTheNearestFileWhenOneIsMissing) {
 }
 
 TEST(Overlay, FindsAShippedGraphByItsNameUnlessAFileHasIt) {
-  const testing::PluginFolder folder;
+  const test_support::PluginFolder folder;
   const auto shipped = folder.path() / "shipped";
   const auto own = folder.path() / "own";
   std::filesystem::create_directories(shipped);
@@ -144,7 +141,7 @@ TEST(Overlay, FindsAShippedGraphByItsNameUnlessAFileHasIt) {
 }
 
 TEST(Overlay, NamesBothPlacesThatWereLookedAt) {
-  const testing::PluginFolder folder;
+  const test_support::PluginFolder folder;
   const auto shipped = folder.path() / "shipped";
   std::filesystem::create_directories(shipped);
   std::ofstream(shipped / "deferred.toml") << kSmallGraph;

@@ -7,12 +7,9 @@
 namespace heddle::graph {
 namespace {
 
+using test_support::message_of;
+using test_support::text;
 using ::testing::HasSubstr;
-using testing::message_of;
-
-const std::string& text(const Written& written) {
-  return std::get<std::string>(written.value);
-}
 
 TEST(Parse, GivesEveryValueAndKeyItsPlace) {
   const WrittenGraph graph = parse(
@@ -79,9 +76,9 @@ TEST(Parse, RefusesValuesThatAreNoNumbers) {
 }
 
 TEST(Parse, SurvivesAnyPrefixOfAGraph) {
-  for (std::size_t length = 0; length < testing::kSmallGraph.size(); ++length) {
+  for (std::size_t length = 0; length < test_support::kSmallGraph.size(); ++length) {
     try {
-      parse(testing::kSmallGraph.substr(0, length), "a.toml");
+      parse(test_support::kSmallGraph.substr(0, length), "a.toml");
     } catch (const Error& error) {
       EXPECT_EQ(error.status(), HEDDLE_BAD_INPUT) << length;
       EXPECT_FALSE(error.diagnostics().empty());

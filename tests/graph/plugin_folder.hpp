@@ -5,7 +5,7 @@
 
 #include "graph/stages.hpp"
 
-namespace heddle::graph::testing {
+namespace heddle::graph::test_support {
 
 class PluginFolder {
  public:
@@ -44,6 +44,11 @@ std::string message_of(const Action& action) {
   }
 }
 
+/// What stands in a file as a string.
+inline const std::string& text(const Written& written) {
+  return std::get<std::string>(written.value);
+}
+
 /// A graph of the roles that most tests need, without sky and shadows.
 inline constexpr std::string_view kSmallGraph = R"(output = "display.color"
 [[pass]]
@@ -61,4 +66,4 @@ role = "display"
 technique = "linear"
 )";
 
-}  // namespace heddle::graph::testing
+}  // namespace heddle::graph::test_support

@@ -8,8 +8,8 @@
 namespace heddle::graph {
 namespace {
 
-using testing::SyntheticGraph;
-using testing::touch;
+using test_support::SyntheticGraph;
+using test_support::touch;
 
 struct Chain : SyntheticGraph {
   PassIndex source = pass("source"), filter = pass("filter"), side = pass("side");
@@ -109,7 +109,7 @@ TEST(Prune, RefusesToReadWhatALaterPassChangesInPlace) {
   const ResourceIndex a = made.image(first, "a");
   const ResourceIndex b = made.change(second, "a", a);
   made.output(b);
-  EXPECT_EQ(testing::message_of([&] {
+  EXPECT_EQ(test_support::message_of([&] {
               prune(made.graph, std::array{b, a}, {});
             }),
             "synthetic.toml:2:1: error: 'first.a' cannot be read after the frame: pass 'second' changes it in place\n"
@@ -154,7 +154,7 @@ TEST(Prune, RefusesAHistoryOfWhatALaterPassChangesInPlace) {
   made.input(show, "b", b);
   const ResourceIndex c = made.image(show, "c");
   made.output(c);
-  EXPECT_EQ(testing::message_of([&] { prune(made.graph, std::array{c}, {}); }),
+  EXPECT_EQ(test_support::message_of([&] { prune(made.graph, std::array{c}, {}); }),
             "synthetic.toml:3:1: error: pass 'show': inputs.a: 'first.a' is gone by the next frame: pass 'second' "
             "changes it in place\n"
             "  help:     read \"second.b@previous\"");

@@ -7,12 +7,12 @@
 namespace heddle::graph {
 namespace {
 
+using test_support::kSmallGraph;
+using test_support::message_of;
+using test_support::resolve_text;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-using testing::kSmallGraph;
-using testing::message_of;
-using testing::resolve_text;
 
 const Pass& find(const ResolvedGraph& graph, std::string_view name) {
   for (const Pass& pass : graph.passes)
@@ -41,7 +41,7 @@ ResolvedGraph with(std::string_view more) {
 ResolvedGraph with_settings(std::initializer_list<const char*> settings, std::string_view text = kSmallGraph) {
   WrittenGraph written = parse(text, "test.toml");
   for (const char* setting : settings) apply_setting(written, setting);
-  return resolve(written, testing::shared_registry());
+  return resolve(written, test_support::shared_registry());
 }
 
 TEST(Resolve, WarnsOfNumbersInAnotherUnit) {
@@ -105,7 +105,7 @@ TEST(Resolve, BindsAnUnboundInputToTheLastProducerAbove) {
 
 TEST(Resolve, DoesNotHandOnATechniquesOwnOutputs) {
   // gtao has an image 'noisy' of its own; the role of no other pass may catch it by name.
-  testing::PluginFolder folder;
+  test_support::PluginFolder folder;
   folder.add_role(
       "sink",
       "role = \"sink\"\nrevision = 1\ntitle = \"t\"\n[[port]]\nname = \"noisy\"\ndirection = \"in\"\ntype = \"image\"\n"
@@ -224,7 +224,7 @@ TEST(Resolve, DependsOnProvidersAndWhatTheyRead) {
 }
 
 TEST(Resolve, SaysWhyTheBuildLeftATechniqueOut) {
-  testing::PluginFolder folder;
+  test_support::PluginFolder folder;
   folder.leave_out("display/calibrated", "this build has no Spectrometer: install libspectrometer-dev");
   std::string text(kSmallGraph);
   text.replace(text.find("linear"), 6, "calibrated");

@@ -2,7 +2,7 @@
 // Hand-made passes -> ResolvedGraph (see synthetic_graph.hpp).
 #include "graph/synthetic_graph.hpp"
 
-namespace heddle::graph::testing {
+namespace heddle::graph::test_support {
 
 Access touch(std::string port, std::uint32_t access, std::uint32_t load) {
   return {std::move(port), access, load, {}};
@@ -41,6 +41,7 @@ ResourceIndex SyntheticGraph::add(PassIndex pass, const std::string& port, PortT
   resource.producer = pass;
   resource.port = port;
   resource.is_kept = made.is_kept();
+  resource.flags = flags;
   resource.format = type == PortType::kImage ? VK_FORMAT_R16G16B16A16_SFLOAT : 0;
   resource.width = type == PortType::kImage ? graph.width : 0;
   resource.height = type == PortType::kImage ? graph.height : 0;
@@ -129,4 +130,4 @@ std::string SyntheticGraph::text(const Order& order) const {
   return text;
 }
 
-}  // namespace heddle::graph::testing
+}  // namespace heddle::graph::test_support

@@ -6,7 +6,7 @@
 
 #include "graph/stages.hpp"
 
-namespace heddle::graph::testing {
+namespace heddle::graph::test_support {
 
 /// An image, buffer or value access by port name.
 Access touch(std::string port, std::uint32_t access, std::uint32_t load = HEDDLE_LOAD_KEEP);
@@ -54,4 +54,4 @@ class SyntheticGraph {
   Role role_;
 };
 
-}  // namespace heddle::graph::testing
+}  // namespace heddle::graph::test_support

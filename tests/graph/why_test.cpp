@@ -11,7 +11,8 @@ namespace {
 
 using ::testing::StartsWith;
 
-Json why_of(const WrittenGraph& written, std::string_view pass, const Registry& registry = testing::shared_registry()) {
+Json why_of(const WrittenGraph& written, std::string_view pass,
+            const Registry& registry = test_support::shared_registry()) {
   const ResolvedGraph resolved = resolve(written, registry);
   ResolvedGraph graph = resolved;
   prune(graph, std::array{graph.output}, {});
@@ -19,7 +20,7 @@ Json why_of(const WrittenGraph& written, std::string_view pass, const Registry& 
 }
 
 WrittenGraph small_graph(std::initializer_list<const char*> settings = {}) {
-  WrittenGraph written = parse(testing::kSmallGraph, "small.toml");
+  WrittenGraph written = parse(test_support::kSmallGraph, "small.toml");
   for (const char* setting : settings) apply_setting(written, setting);
   return written;
 }
@@ -92,7 +93,7 @@ what passes see in its place
 }
 
 TEST(Why, SaysWhichLineOfWhichFileRemovesAPass) {
-  WrittenGraph written = overlay(parse(testing::kSmallGraph, "small.toml"),
+  WrittenGraph written = overlay(parse(test_support::kSmallGraph, "small.toml"),
                                  parse("extends = \"small.toml\"\nremove = [\"ao\"]\n", "over.toml"));
   EXPECT_EQ(to_text(why_of(written, "ao")),
             R"(pass 'ao' (ambient_occlusion/gtao) does not run: an overlay removes it, at over.toml:2:11
@@ -104,8 +105,8 @@ what passes see in its place
 }
 
 TEST(Why, SaysWhatTheSceneLacks) {
-  testing::PluginFolder folder;
-  Technique technique = *testing::shared_registry().find("ambient_occlusion/gtao").technique;
+  test_support::PluginFolder folder;
+  Technique technique = *test_support::shared_registry().find("ambient_occlusion/gtao").technique;
   technique.id = "ambient_occlusion/foggy";
   technique.features = {"fog"};
   folder.add(technique);
@@ -140,7 +141,7 @@ technique = "linear"
 }
 
 TEST(Why, SaysWhatAnUnknownPassCouldBe) {
-  EXPECT_EQ(testing::message_of([] { why_of(small_graph(), "oa"); }),
+  EXPECT_EQ(test_support::message_of([] { why_of(small_graph(), "oa"); }),
             "small.toml: error: the graph has no pass 'oa'\n"
             "  expected: one of gbuffer, ao, lighting, display\n"
             "  help:     did you mean 'ao'?");

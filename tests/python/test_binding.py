@@ -33,6 +33,8 @@ def c_type(text):
         return {1: ctypes.c_void_p, 2: ctypes.POINTER(ctypes.c_void_p)}[stars]
     if name == "char":
         return {1: ctypes.c_char_p, 2: ctypes.POINTER(ctypes.c_char_p)}[stars]
+    if name == "void" and stars:
+        return {1: ctypes.c_void_p, 2: ctypes.POINTER(ctypes.c_void_p)}[stars]
     plain = {"uint8_t": ctypes.c_uint8, "void": None, "heddle_status": ctypes.c_int32, "uint32_t": ctypes.c_uint32, "uint64_t": ctypes.c_uint64,
              "double": ctypes.c_double, "float": ctypes.c_float}
     base = plain[name] if name in plain else STRUCTURES[name]
@@ -60,6 +62,7 @@ def test_every_exported_function_is_bound_with_its_types(root):
 # Constants of the headers that the package says in words of its own, by prefix: None where they are methods' business.
 CONSTANTS = {
     "HEDDLE_NONE": _library.NONE, "HEDDLE_HOST_VALIDATION": _library.HOST_VALIDATION, "HEDDLE_HOST_CHECK": _library.HOST_CHECK,
+    "HEDDLE_HOST_REMAKE": _library.HOST_REMAKE,
     "HEDDLE_RENDER_PROFILE": _library.RENDER_PROFILE, "HEDDLE_RENDER_ANEW": _library.RENDER_ANEW,
     "HEDDLE_CANCELLED": _library.CANCELLED, "HEDDLE_ANIMATION_LOOP": _library.ANIMATION_LOOP,
     "HEDDLE_LOAD_TRUSTED": _library.LOAD_TRUSTED, "HEDDLE_TEXTURE_COUNT": _library.TEXTURE_COUNT,

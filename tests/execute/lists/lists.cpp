@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// lists/find, more, shade, order, late, collect, canvas: work that is found, listed, and done where it was found; kept
-// contents that outgrow their memory. forgets, listens: what a technique may get wrong with lists. For tests.
+// lists/find, more, own, shade, order, late, collect, rewrite, canvas: work that is found, listed, and done where it
+// was found; kept contents that outgrow their memory. forgets, listens: what a technique may get wrong with lists. For
+// tests.
 #include <heddle/pass.hpp>
 
 #include <algorithm>
@@ -18,6 +19,7 @@ constexpr heddle_parameter kParameters[] = {
     integer("salt", "1", 0, 1000, 1, "other pixels"),
     integer("room", "1", 0, 2000000000, 64, "elements that the list holds at first", HEDDLE_PARAMETER_REDECLARE),
     toggle("grows", true, "whether it is made larger when it overflows"),
+    integer("activity", "1", 0, 2, 0, "what stages that append answer: HEDDLE_RUN, HEDDLE_KEEP, HEDDLE_NOTHING"),
 };
 
 /// Twice the room until everything fits: a pass that grows when it must.
@@ -49,6 +51,17 @@ struct More {
   heddle_status record(const Frame& frame) const { return frame.dispatch_over("find", "color"); }
 };
 
+// The same, and where nobody has made the list, it is its own.
+constexpr heddle_port kOwnPorts[] = {
+    kColor, list_out("pixels", 0, kElement, kPixels, "more of them", HEDDLE_PORT_OPTIONAL, HEDDLE_INOUT)};
+struct Own {
+  heddle_status declare(const PassHost& host) const {
+    const auto room = static_cast<std::uint32_t>(host.integer("room"));
+    return host.shape("pixels").is_bound != 0 ? HEDDLE_OK : host.set_capacity("pixels", room);
+  }
+  heddle_status record(const Frame& frame) const { return frame.dispatch_over("find", "color"); }
+};
+
 // color = what the list says, black elsewhere: as much work as there are elements.
 constexpr heddle_port kShadePorts[] = {kColor, list_in("pixels", "what is shaded", kPixels, HEDDLE_PORT_OPTIONAL)};
 constexpr heddle_access kClear[] = {storage_write("color")};
@@ -64,6 +77,7 @@ struct Shade {
 
 // color = the list as it lies in memory.
 constexpr heddle_stage kOrderStages[] = {gpu_stage("order", kShade)};
+constexpr heddle_shader kClearShaders[] = {compute_shader("order", "order", "clear.comp.glsl")};
 constexpr heddle_shader kOrderShaders[] = {compute_shader("order", "order", "order.comp.glsl")};
 struct Order {
   heddle_status record(const Frame& frame) const { return frame.dispatch_over("order", "color"); }
@@ -100,12 +114,20 @@ constexpr heddle_shader kCollectShaders[] = {compute_shader("collect", "collect"
                                              compute_shader("collected", "show", "collected.comp.glsl")};
 struct Collect : Growing {
   using Growing::Growing;
+  std::uint32_t activity(const Frame& frame) const {
+    return frame.stage() == 1 ? HEDDLE_RUN : static_cast<std::uint32_t>(host.integer("activity"));
+  }
   heddle_status record(const Frame& frame) const {
     if (frame.stage() == 1) return frame.dispatch("collected", (frame.host().shape("color").width + 7) / 8);
     const auto share = static_cast<std::uint32_t>(host.integer("share"));
     return frame.dispatch("collect", (share + 7) / 8, 1, 1, static_cast<std::uint32_t>(frame.info().index));
   }
 };
+
+// A list that is kept, and made anew where its stage runs.
+constexpr heddle_port kRewritePorts[] = {
+    kColor, list_out("pixels", 0, kElement, kPixels, "elements of the last frame that appended",
+                     HEDDLE_PORT_KEPT | HEDDLE_PORT_REWRITTEN)};
 
 // A kept image that becomes wider when the next column would not fit, and its history.
 constexpr heddle_port kCanvasPorts[] = {
@@ -160,6 +182,12 @@ struct Twice : Growing {
     return frame.dispatch_over("find", "color");
   }
 };
+/// Reads a buffer that is no list.
+constexpr heddle_port kFixedPorts[] = {kColor, [] {
+                                         heddle_port fixed = buffer_in("pixels", "what is read");
+                                         fixed.glsl = kPixels;
+                                         return fixed;
+                                       }()};
 /// Dispatches over a list that its stage does not declare.
 struct Undeclared {
   heddle_status record(const Frame& frame) const { return frame.dispatch_over_list("clear", "pixels"); }
@@ -179,6 +207,8 @@ constexpr heddle_technique kFindTechnique =
     make<Find>("lists/find", "Lists pixels", kFindPorts, kFindStages, kFindShaders);
 constexpr heddle_technique kMoreTechnique =
     make<More>("lists/more", "Lists more pixels", kMorePorts, kFindStages, kFindShaders);
+constexpr heddle_technique kOwnTechnique =
+    make<Own>("lists/own", "Lists more pixels, or the first", kOwnPorts, kFindStages, kFindShaders);
 constexpr heddle_technique kShadeTechnique =
     make<Shade>("lists/shade", "Shades listed pixels", kShadePorts, kShadeStages, kShadeShaders);
 constexpr heddle_technique kOrderTechnique =
@@ -187,12 +217,16 @@ constexpr heddle_technique kLateTechnique =
     make<Late>("lists/late", "Reads a list a frame later", kLatePorts, kLateStages, kLateShaders);
 constexpr heddle_technique kCollectTechnique =
     make<Collect>("lists/collect", "Collects over frames", kCollectPorts, kCollectStages, kCollectShaders);
+constexpr heddle_technique kRewriteTechnique =
+    make<Collect>("lists/rewrite", "Collects of one frame", kRewritePorts, kCollectStages, kCollectShaders);
 constexpr heddle_technique kCanvasTechnique =
     make<Canvas>("lists/canvas", "A canvas that grows", kCanvasPorts, kCanvasStages, kCanvasShaders);
 constexpr heddle_technique kForgetsTechnique =
     make<Forgets>("lists/forgets", "Empties a list behind the host's back", kFindPorts, kFindStages, kFindShaders);
 constexpr heddle_technique kTwiceTechnique =
     make<Twice>("lists/twice", "No barrier between two dispatches that append", kFindPorts, kFindStages, kFindShaders);
+constexpr heddle_technique kFixedTechnique =
+    make<Order>("lists/fixed", "Reads a buffer of fixed length", kFixedPorts, kOrderStages, kClearShaders);
 constexpr heddle_stage kUndeclaredStages[] = {gpu_stage("clear", kClear)};
 constexpr heddle_shader kUndeclaredShaders[] = {compute_shader("clear", "clear", "clear.comp.glsl")};
 constexpr heddle_technique kUndeclaredTechnique = make<Undeclared>(
@@ -200,5 +234,6 @@ constexpr heddle_technique kUndeclaredTechnique = make<Undeclared>(
 
 }  // namespace
 
-HEDDLE_PLUGIN(kFindTechnique, kMoreTechnique, kShadeTechnique, kOrderTechnique, kLateTechnique, kCollectTechnique,
-              kCanvasTechnique, kForgetsTechnique, kTwiceTechnique, kUndeclaredTechnique)
+HEDDLE_PLUGIN(kFindTechnique, kMoreTechnique, kOwnTechnique, kShadeTechnique, kOrderTechnique, kLateTechnique,
+              kCollectTechnique, kRewriteTechnique, kCanvasTechnique, kForgetsTechnique, kTwiceTechnique,
+              kFixedTechnique, kUndeclaredTechnique)

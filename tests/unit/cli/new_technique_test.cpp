@@ -212,6 +212,28 @@ TEST_F(Generated, TechniquesAreListed) {
   }
 }
 
+TEST(NewTechnique, ReadsTheListsOfItsRole) {
+  const fs::path folder = fs::path(testing::TempDir()) / "heddle_role_with_lists";
+  fs::remove_all(folder);
+  fs::create_directories(folder / "roles/tiles");
+  std::ofstream(folder / "roles/tiles/role.toml")
+      << "role = \"tiles\"\nrevision = 1\ntitle = \"Shaded tiles\"\n"
+         "[[port]]\nname = \"tiles\"\ndirection = \"in\"\ntype = \"buffer\"\nlist = true\noptional = true\n"
+         "glsl = \"uvec4 tiles[];\"\nhelp = \"what is shaded\"\n"
+         "[[port]]\nname = \"color\"\ndirection = \"out\"\ntype = \"image\"\nneutral = [0, 0, 0, 0]\n"
+         "help = \"a picture\"\n";
+  for (const char* language : {"c", "c++"}) {
+    const Ran ran = run(kBuild + "/bin/heddle new-technique --plugins " + (folder / "roles").string() +
+                        " tiles fresh --language " + language + " --folder " + (folder / language).string());
+    ASSERT_EQ(ran.status, 0) << ran.output;
+  }
+  EXPECT_THAT(read_text(folder / "c++/tiles/fresh/pass.cpp"),
+              HasSubstr("    list_in(\"tiles\", nullptr, nullptr, HEDDLE_PORT_OPTIONAL),\n"));
+  EXPECT_THAT(read_text(folder / "c/tiles/fresh/pass.c"),
+              HasSubstr("     .flags = HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_LIST},\n"));
+  fs::remove_all(folder);
+}
+
 TEST_F(Generated, AmbientOcclusionIsOpenEverywhere) {
   for (const char* name : kNames) {
     const std::vector<float> pixels = render(std::string("ao.technique=") + name, "ao.visibility");

@@ -217,7 +217,7 @@ TEST(Descriptor, WithAStructureThatIsTooSmallIsRefused) {
   EXPECT_EQ(message([](Example& e) { e.ports[0].struct_size = 4; }),
             told("ports[0]: struct_size is too small\n  found:    4\n  expected: 24 bytes or more"));
   EXPECT_EQ(message([](Example& e) { e.ports[1].struct_size = 0; }),
-            told("ports[1]: struct_size differs from the first's\n  found:    0\n  expected: 88"));
+            told("ports[1]: struct_size differs from the first's\n  found:    0\n  expected: 96"));
 }
 
 TEST(Descriptor, WithNullPointersIsRefused) {
@@ -253,20 +253,20 @@ TEST(Descriptor, WithABadIdIsRefused) {
 
 TEST(Descriptor, WithUnknownEnumerationsIsRefused) {
   EXPECT_EQ(message([](Example& e) { e.ports[0].type = 9; }),
-            told("port 'depth': unknown type\n  found:    9\n  expected: 0 to 3"));
+            told("port 'depth': unknown type\n  found:    9\n  expected: 0 to 5"));
   EXPECT_EQ(message([](Example& e) { e.ports[0].direction = 3; }),
             told("port 'depth': unknown direction\n  found:    3\n  expected: 0 to 2"));
   EXPECT_EQ(message([](Example& e) { e.ports[0].flags = 64; }),
-            told("port 'depth': unknown flags\n  found:    0x40\n  expected: a combination within 0xf"));
+            told("port 'depth': unknown flags\n  found:    0x40\n  expected: a combination within 0x1f"));
   EXPECT_EQ(message([](Example& e) { e.ports[1].extent_rule = 2; }),
             told("port 'visibility': unknown extent_rule\n  found:    2\n  expected: 0 to 1"));
   EXPECT_EQ(message([](Example& e) { e.parameters[0].type = 8; }),
             told("parameter 'radius': unknown type\n  found:    8\n  expected: 0 to 7"));
-  EXPECT_EQ(message([](Example& e) { e.accesses[0].access = 15; }),
-            told("stage 'draw': access to 'depth': unknown access\n  found:    15\n  expected: 0 to 14\n") +
-                told("function 'sky': access to 'depth': unknown access\n  found:    15\n  expected: 0 to 14\n") +
-                told("function 'sky': access to 'depth' is not for functions\n  found:    HEDDLE_ACCESS 15\n"
-                     "  expected: SAMPLED*, STORAGE_* or VALUE"));
+  EXPECT_EQ(message([](Example& e) { e.accesses[0].access = 16; }),
+            told("stage 'draw': access to 'depth': unknown access\n  found:    16\n  expected: 0 to 15\n") +
+                told("function 'sky': access to 'depth': unknown access\n  found:    16\n  expected: 0 to 15\n") +
+                told("function 'sky': access to 'depth' is not for functions\n  found:    HEDDLE_ACCESS 16\n"
+                     "  expected: SAMPLED*, STORAGE_*, VALUE or APPEND"));
   EXPECT_EQ(message([](Example& e) { e.accesses[1].load = HEDDLE_LOAD_CLEAR_NEW + 1; }),
             told("stage 'draw': access to 'visibility': unknown load\n  found:    4\n  expected: 0 to 3\n") +
                 told("port 'visibility': no stage and no function touches this output"));
@@ -334,6 +334,19 @@ TEST(Descriptor, WithAListThatContradictsItselfIsRefused) {
   EXPECT_EQ(list([](Example& e) { e.ports[2].element_bytes = 6; }),
             told("port 'table': element_bytes is no size of an element\n  found:    6\n"
                  "  expected: a multiple of 4 above 0"));
+  EXPECT_EQ(list([](Example& e) {
+              e.ports[2].direction = HEDDLE_INOUT;
+              e.ports[2].element_bytes = 0;
+            }),
+            "no error")
+      << "the maker says it";
+  EXPECT_EQ(list([](Example& e) {
+              e.ports[2].direction = HEDDLE_INOUT;
+              e.ports[2].flags = HEDDLE_PORT_LIST | HEDDLE_PORT_OPTIONAL;
+              e.ports[2].element_bytes = 0;
+            }),
+            told("port 'table': element_bytes is no size of an element\n  found:    0\n"
+                 "  expected: a multiple of 4 above 0"));
   EXPECT_EQ(list([](Example& e) { e.accesses[2].access = HEDDLE_ACCESS_HOST_WRITE; }),
             told("stage 'fill': access to 'table': the access does not fit the port's type\n"
                  "  found:    HEDDLE_ACCESS 11"));
@@ -399,14 +412,57 @@ TEST(Descriptor, OfACachedStageIsRefusedWhereItsKeyWouldLackSomething) {
             }),
             told("stage 'draw': cached_by has no meaning here\n"
                  "  expected: a cpu stage without latency, in no part of a loop") +
-                "\n" + told("stage 'draw': it is cached, and has no output"));
+                "\n" + told("stage 'draw': it is cached, and has no output") + "\n" +
+                told("port 'visibility': no stage and no function touches this output"));
   EXPECT_EQ(message([](Example& e) {
               e.stages[1].cached_by = "";
               e.ports[2].direction = HEDDLE_INOUT;
             }),
             told("stage 'fill': it is cached, and 'table' cannot be part of that\n"
-                 "  expected: inputs that are no surfaces, and outputs that it only writes") +
+                 "  expected: inputs that are no surfaces and no lists, and outputs that it only writes") +
                 "\n" + told("stage 'fill': it is cached, and has no output"));
+  EXPECT_EQ(message([](Example& e) {
+              e.stages[1].cached_by = "";
+              e.ports[2].flags = HEDDLE_PORT_LIST;
+              e.ports[2].direction = HEDDLE_IN;
+              e.ports[2].byte_size = 0;
+              e.accesses[2].access = HEDDLE_ACCESS_HOST_READ;
+            }),
+            told("stage 'fill': it is cached, and 'table' cannot be part of that\n"
+                 "  expected: inputs that are no surfaces and no lists, and outputs that it only writes") +
+                "\n" + told("stage 'fill': it is cached, and has no output"));
+}
+
+TEST(Descriptor, OfWhatLastsIsRefusedWhereJobsCannotKeepIt) {
+  const auto lasting = [](std::uint32_t type, const std::function<void(Example&)>& change) {
+    return message([&](Example& e) {
+      e.ports[2].type = type;
+      e.ports[2].glsl = nullptr;
+      e.ports[2].byte_size = 0;
+      for (heddle_access& access : e.accesses)
+        if (access.port != nullptr && std::string_view(access.port) == "table") access.access = HEDDLE_ACCESS_VALUE;
+      change(e);
+    });
+  };
+  EXPECT_EQ(lasting(HEDDLE_PORT_ARTIFACT, [](Example&) {}), "no error");
+  EXPECT_EQ(lasting(HEDDLE_PORT_REPORT, [](Example&) {}), "no error");
+  EXPECT_THAT(lasting(HEDDLE_PORT_ARTIFACT, [](Example& e) { e.ports[2].direction = HEDDLE_INOUT; }),
+              testing::HasSubstr("port 'table': the direction does not fit its type\n"
+                                 "  found:    an artifact that is changed\n  expected: HEDDLE_IN or HEDDLE_OUT"));
+  EXPECT_THAT(lasting(HEDDLE_PORT_REPORT, [](Example& e) { e.ports[2].direction = HEDDLE_IN; }),
+              testing::HasSubstr("port 'table': the direction does not fit its type\n"
+                                 "  found:    a report\n  expected: HEDDLE_OUT"));
+  EXPECT_EQ(lasting(HEDDLE_PORT_ARTIFACT, [](Example& e) { e.ports[2].flags = HEDDLE_PORT_KEPT; }),
+            told("port 'table': artifacts and reports have no size and no flags but HEDDLE_PORT_OPTIONAL"));
+}
+
+TEST(Descriptor, ThatSavesStatesAlsoLoadsThem) {
+  EXPECT_EQ(message([](Example& e) {
+              e.technique.save_state = [](heddle_pass*, const heddle_pass_host*, std::uint32_t, heddle_frame*) {
+                return HEDDLE_OK;
+              };
+            }),
+            told("save_state and load_state go together\n  found:    save_state\n  expected: both, or neither"));
 }
 
 /// A right loop, open to be changed; what broken_rules says of it.

@@ -145,7 +145,7 @@ TEST_F(RoleFile, WithAnUnknownKeySaysWhichWasMeant) {
             "  help:     did you mean 'join'?");
   EXPECT_EQ(message(with(kPort) + "uint = \"m\"\n"),
             "role.toml:9:1: error: port 'a' has no key 'uint'\n"
-            "  expected: one of name, direction, type, optional, infinite, unit, range, neutral, glsl, help\n"
+            "  expected: one of name, direction, type, optional, infinite, unit, range, neutral, glsl, list, help\n"
             "  help:     did you mean 'unit'?");
 }
 
@@ -205,6 +205,7 @@ TEST_F(RoleFile, RefusesWhatItsPartsContradict) {
             "role.toml:4:1: error: port 'a' has no 'glsl'\n  expected: the members of the block as shaders see them");
   EXPECT_EQ(message(with(kPort) + "glsl = \"float a;\"\n"),
             "role.toml:9:8: error: port 'a': 'glsl' belongs to buffers and values");
+  EXPECT_EQ(message(with(kPort) + "list = true\n"), "role.toml:9:8: error: port 'a': 'list' belongs to buffers");
   EXPECT_EQ(message(with("[[function]]\nname = \"f\"\nsignature = \"float g()\"\nneutral = \"\"\nhelp = \"h\"\n")),
             "role.toml:6:13: error: function 'f': 'signature' declares something else\n"
             "  found:    \"float g()\"\n  expected: \"TYPE f(TYPE NAME, ...)\"");

@@ -266,7 +266,7 @@ TEST_F(AccessCheck, ElementsOfAListHaveAnotherSize) {
 
 TEST_F(AccessCheck, WhoAppendsSeesNoElements) {
   EXPECT_THAT(error_of(caller("append_found(pixels[0]);", {list("found", HEDDLE_ACCESS_APPEND, "uint pixels[];", 4)})),
-              testing::HasSubstr("'pixels' : undeclared identifier"));
+              testing::HasSubstr("'pixels': undeclared identifier"));
 }
 
 TEST_F(AccessCheck, ListIsAppendedToAndReadInOneStage) {

@@ -8,7 +8,7 @@
 namespace heddle::vulkan {
 namespace {
 
-constexpr VkImageLayout kRead = VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL;
+constexpr VkImageLayout kReadLayout = VK_IMAGE_LAYOUT_SHADER_READ_ONLY_OPTIMAL;
 
 /// All formats that the host knows; none of Vulkan's core formats lies beyond ASTC.
 std::vector<VkFormat> all_formats() {
@@ -48,7 +48,7 @@ TEST_F(Transfer, EveryFormatComesBackFromEveryLayerAndMip) {
       device_->upload(image, at / 3, at % 3, texels(format, size(at % 3), at + 1));
     }
     for (std::uint32_t at = 0; at < 9; ++at) {
-      ASSERT_EQ(device_->read_back(image, at / 3, at % 3, kRead), texels(format, size(at % 3), at + 1))
+      ASSERT_EQ(device_->read_back(image, at / 3, at % 3, kReadLayout), texels(format, size(at % 3), at + 1))
           << name << ", layer " << at / 3 << ", mip " << at % 3;
     }
   }
@@ -57,8 +57,8 @@ TEST_F(Transfer, EveryFormatComesBackFromEveryLayerAndMip) {
 TEST_F(Transfer, BytesAreCounted) {
   const Image image = device_->make_image({.format = VK_FORMAT_R8G8_UNORM, .width = 5, .height = 3});
   device_->upload(image, 0, 0, pattern(30, 1));
-  (void)device_->read_back(image, 0, 0, kRead);
-  (void)device_->read_back(image, 0, 0, kRead);  // still in its layout
+  (void)device_->read_back(image, 0, 0, kReadLayout);
+  (void)device_->read_back(image, 0, 0, kReadLayout);  // still in its layout
   EXPECT_EQ(device_->counters().uploaded_bytes, 30u);
   EXPECT_EQ(device_->counters().read_back_bytes, 60u);
 }
@@ -111,8 +111,8 @@ TEST_F(Transfer, HostDecodesAsTheDeviceDoes) {
         dependency.pImageMemoryBarriers = &barrier;
         device_->table().CmdPipelineBarrier2(commands, &dependency);
       };
-      change(source, kRead, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
-      change(target, kRead, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL);
+      change(source, kReadLayout, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
+      change(target, kReadLayout, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL);
       const VkOffset3D corner{kWidth, kHeight, 1};
       const VkImageBlit blit{.srcSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1},
                              .srcOffsets = {{0, 0, 0}, corner},
@@ -120,9 +120,9 @@ TEST_F(Transfer, HostDecodesAsTheDeviceDoes) {
                              .dstOffsets = {{0, 0, 0}, corner}};
       device_->table().CmdBlitImage(commands, source.handle(), VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL, target.handle(),
                                     VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, 1, &blit, VK_FILTER_NEAREST);
-      change(target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, kRead);
+      change(target, VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, kReadLayout);
     });
-    const auto on_device = to_float(device_->read_back(target, 0, 0, kRead), VK_FORMAT_R32G32B32A32_SFLOAT);
+    const auto on_device = to_float(device_->read_back(target, 0, 0, kReadLayout), VK_FORMAT_R32G32B32A32_SFLOAT);
     const auto on_host = to_float(bytes, format);
     const float tolerance = name.ends_with("norm") || name.ends_with("norm_pack32") ? 1.2e-7f : 0.0f;
     for (std::size_t i = 0; i < on_host.size(); ++i) {
@@ -155,7 +155,7 @@ TEST_F(Transfer, WrongSizesAndLayoutsAreErrors) {
             "  help:     name the layout in which the last writer left it");
   const Image sampled = device_->make_image(
       {.format = VK_FORMAT_R8G8_UNORM, .width = 5, .height = 3, .usage = VK_IMAGE_USAGE_SAMPLED_BIT});
-  EXPECT_EQ(error_of([&] { (void)device_->read_back(sampled, 0, 0, kRead); }),
+  EXPECT_EQ(error_of([&] { (void)device_->read_back(sampled, 0, 0, kReadLayout); }),
             "error: an image is copied that was made without VK_IMAGE_USAGE_TRANSFER_SRC_BIT");
   EXPECT_EQ(error_of([&] { device_->upload(sampled, 0, 0, pattern(30, 1)); }),
             "error: an image is copied that was made without VK_IMAGE_USAGE_TRANSFER_DST_BIT");
