@@ -99,6 +99,10 @@ def lock_of_our_own(tmp_path_factory):
     ('"ao.params.steps=2"', '"ao.params.stpes=2"', "14:1", "the graph does not take these settings"),
     ('role = "ambient_occlusion"', 'role = "ambient"', "2:1", "there is no role 'ambient'"),
     ('graph = "studio"', 'graph = "stduio"', "3:1", "the graph does not take these settings"),
+    ("{ samples = [1, 4] }", "{ samples = [1, 0] }", "18:1", "the graph does not take these settings"),
+    ('metrics = ["rmse", "ssim"]', "metrics = []", "5:1", "'metrics' is empty"),
+    ('camera = "front"', "cameras = []", "10:1", "'cameras' is empty"),
+    ('technique = "gtao"\nset = ["ao.params.steps=2"]', 'graph = "furnace"', "13:1", "the variant's graph has no port 'ao.visibility'"),
     ("parts = 4", "parts = 0", "22:1", "'parts' is out of range"),
     ("parts = 4", "parts = ", "22:9", "this is no TOML"),
 ])
