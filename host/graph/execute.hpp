@@ -69,6 +69,12 @@ struct ListStats {
   std::uint32_t capacity = 0, count = 0, overflow = 0;  // elements; in a loop: overflow of its worst iteration
 };
 
+/// Of a technique's own counters.
+struct CountStats {
+  std::string pass, name;
+  std::uint64_t count = 0;
+};
+
 struct FrameStats {
   std::uint64_t frame = 0;
   double wall_ms = 0;             // recording and running
@@ -76,7 +82,8 @@ struct FrameStats {
   std::uint64_t stalls = 0;       // cpu stages that waited for the GPU within the frame
   std::vector<StageTime> stages;  // profiled frames only; iterations of a loop together
   std::vector<LoopProgress> loops;
-  std::vector<ListStats> lists;  // of the last frame that was submitted
+  std::vector<ListStats> lists;    // of the last frame that was submitted
+  std::vector<CountStats> counts;  // of the last frame that was submitted
   vulkan::Counters before, after;
   std::uint64_t instances_drawn = 0, instances_culled = 0;  // summed over the frame's drawings
   std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;

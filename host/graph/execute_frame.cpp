@@ -267,37 +267,43 @@ std::uint32_t Executor::State::add_view(const HeddleView& view) {
   std::memcpy(views.data() + offset, &view, sizeof view);
   device->note_host_write(views, offset, sizeof view);
   ++view_count;
-  if (program_set == VK_NULL_HANDLE) {
-    const heddle_vulkan& vk = device->table();
-    program_set = allocate_set(program_layout);
-    const std::array<VkDescriptorBufferInfo, 4> buffers{{{scene_buffers->vertices().handle(), 0, VK_WHOLE_SIZE},
-                                                         {scene_buffers->instances().handle(), 0, VK_WHOLE_SIZE},
-                                                         {scene_buffers->materials().handle(), 0, VK_WHOLE_SIZE},
-                                                         {views.handle(), 0, sizeof(HeddleView)}}};
-    std::array<VkWriteDescriptorSet, 4> writes{};
-    for (std::uint32_t i = 0; i < writes.size(); ++i) {
-      writes[i] = {VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
-      writes[i].dstSet = program_set;
-      writes[i].dstBinding = i;
-      writes[i].descriptorCount = 1;
-      writes[i].descriptorType = i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-      writes[i].pBufferInfo = &buffers[i];
-    }
-    vk.UpdateDescriptorSets(vk.device, writes.size(), writes.data(), 0, nullptr);
-  }
+  if (program_set == VK_NULL_HANDLE) program_set = make_program_set(scene_buffers->instances());
   return offset;
 }
 
-Executor::State::DrawRange Executor::State::draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum) {
+VkDescriptorSet Executor::State::make_program_set(const vulkan::Buffer& instances) {
+  const heddle_vulkan& vk = device->table();
+  const VkDescriptorSet set = allocate_set(program_layout);
+  const std::array<VkDescriptorBufferInfo, 4> buffers{{{scene_buffers->vertices().handle(), 0, VK_WHOLE_SIZE},
+                                                       {instances.handle(), 0, VK_WHOLE_SIZE},
+                                                       {scene_buffers->materials().handle(), 0, VK_WHOLE_SIZE},
+                                                       {views.handle(), 0, sizeof(HeddleView)}}};
+  std::array<VkWriteDescriptorSet, 4> writes{};
+  for (std::uint32_t i = 0; i < writes.size(); ++i) {
+    writes[i] = {VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
+    writes[i].dstSet = set;
+    writes[i].dstBinding = i;
+    writes[i].descriptorCount = 1;
+    writes[i].descriptorType = i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+    writes[i].pBufferInfo = &buffers[i];
+  }
+  vk.UpdateDescriptorSets(vk.device, writes.size(), writes.data(), 0, nullptr);
+  return set;
+}
+
+Executor::State::DrawRange Executor::State::draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum,
+                                                       Placing* placing) {
   constexpr std::uint64_t kStride = sizeof(VkDrawIndexedIndirectCommand);
   const DrawRange whole{scene_buffers->commands().handle(), group.first_command * kStride, group.command_count};
   if (!variant.culls) {
     stats.instances_drawn += group.instance_count;
+    if (placing != nullptr) place(*placing, scene_buffers->commands_of(group));
     return whole;
   }
   const scene::VisibleDraws visible = scene_buffers->visible(group, frustum);
   stats.instances_drawn += visible.drawn;
   stats.instances_culled += visible.culled;
+  if (placing != nullptr) place(*placing, visible.commands);
   if (visible.culled == 0) return whole;
   if (visible.drawn == 0) return {};
   const std::uint64_t bytes = visible.commands.size() * kStride;
@@ -502,6 +508,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
       s.name_resources();
       s.set_scene_values(rendered);
       s.count_slots.clear();
+      s.stats.counts.clear();
       s.run_stages(options.profile);
       s.stop_if_cancelled();
       s.label_commands(nullptr);

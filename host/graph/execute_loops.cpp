@@ -90,6 +90,7 @@ void Executor::State::begin_frame_memory() {
   draw_command_bytes = 0;
   group_command_count = 0;
   program_set = VK_NULL_HANDLE;
+  placings.clear();
 }
 
 void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled) {

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <deque>
 #include <set>
 
 namespace heddle::graph {
@@ -275,9 +276,18 @@ struct Executor::State {
   void bind(const PassState& pass, const ShaderState& shader, const vulkan::Pipeline& pipeline, const void* push,
             std::uint32_t push_bytes);
   vulkan::Buffer switch_table(const Pass& caller, const std::string& role);
-  void draw_surfaces(const PassState& pass, const ShaderState& shader, const heddle_draw& drawing,
-                     const HeddleView& view);
-  void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer);
+  /// A drawing with what the caller left open filled in, and checked. `origin`: what its view is relative to, nullptr:
+  /// the frame's.
+  struct Drawing {
+    heddle_draw wanted{};
+    HeddleView view{};
+    const glm::dvec3* origin = nullptr;
+    bool clears = false;  // its part of the attachments; only with an origin, else they load as their accesses say
+  };
+  void draw_surfaces(const PassState& pass, const ShaderState& shader, const Drawing& drawing);
+  void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer,
+                       const Drawing* drawing = nullptr);
+  [[nodiscard]] scene::Look look_of(const Drawing& drawing) const;
   [[nodiscard]] VkExtent2D attachment_extent(const Pass& pass, const Stage& stage) const;
   std::uint32_t add_view(const HeddleView& view);
   struct DrawRange {  // of indirect commands
@@ -285,8 +295,24 @@ struct Executor::State {
     std::uint64_t offset = 0;
     std::uint32_t count = 0;
   };
-  DrawRange draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum);
+  /// Instances relative to a point of a drawing's own, as far as drawings have needed them.
+  struct Placing {
+    glm::dvec3 origin{0.0};
+    const vulkan::Buffer* instances = nullptr;
+    std::vector<std::uint8_t> is_there;  // parallel to SceneBuffers::instances()
+    VkDescriptorSet set = VK_NULL_HANDLE;
+    VkBuffer views = VK_NULL_HANDLE;  // that the set names
+  };
+  std::vector<Placing> placings;                // of this submission
+  std::deque<vulkan::Buffer> placed_instances;  // of all submissions: as many as one has had placings
+  Placing& placing_at(const glm::dvec3& origin);
+  void place(Placing& placing, std::span<const VkDrawIndexedIndirectCommand> drawn);
+  VkDescriptorSet make_program_set(const vulkan::Buffer& instances);
+  DrawRange draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum, Placing* placing);
   void throw_if_failed(const PassState& pass, heddle_status status, std::string_view what);
+
+  // Counters of techniques (execute_views.cpp).
+  void add_count(const PassState& pass, std::string_view name, std::uint64_t count);
 
   // Lists (execute_lists.cpp).
   vulkan::Pipeline groups_pipeline;

@@ -68,6 +68,7 @@ struct SceneBuffers::State {
   std::vector<std::uint32_t> order;     // scene's instances in draw order
   InstanceBoxes boxes;                  // in draw order
   std::vector<std::uint8_t> flips;      // by scene's instance
+  std::vector<Look> looks;              // in draw order
   std::vector<HeddleMaterial> records;  // as uploaded
   std::uint64_t content_revision = 0, motion_revision = 0;
   glm::dvec3 origin{0.0};
@@ -77,6 +78,8 @@ struct SceneBuffers::State {
   void upload_materials(const Scene& scene);
   void sort_draws(const Scene& scene);
   void upload_instances(const Scene& scene);
+  void find_looks(const Scene& scene);
+  [[nodiscard]] HeddleInstance placed(const Scene& scene, std::uint32_t index, const glm::dvec3& around) const;
 };
 
 void SceneBuffers::State::upload_meshes(const Scene& scene) {
@@ -223,20 +226,38 @@ void SceneBuffers::State::upload_instances(const Scene& scene) {
   list.reserve(order.size());
   list_boxes.reserve(order.size());
   for (const std::uint32_t index : order) {
-    const Instance& instance = scene.instances[index];
-    HeddleInstance record{};
-    store(instance.scene_from_object, origin, record.rel_from_object);
-    store(instance.previous_scene_from_object, origin, record.previous_rel_from_object);
-    record.material = scene.meshes[instance.mesh].material;
-    record.object = index;
-    record.flags = surface_flags(records[record.material]);
-    record.flip = flips[index];
-    record.previous_vertex = meshes[instance.mesh].steps_to_previous();
-    list.push_back(record);
-    list_boxes.push_back(bounding_box(scene.meshes[instance.mesh].bounds, record));
+    list.push_back(placed(scene, index, origin));
+    list_boxes.push_back(bounding_box(scene.meshes[scene.instances[index].mesh].bounds, list.back()));
   }
   boxes.assign(std::move(list_boxes));
   fill(device, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+}
+
+HeddleInstance SceneBuffers::State::placed(const Scene& scene, std::uint32_t index, const glm::dvec3& around) const {
+  const Instance& instance = scene.instances[index];
+  HeddleInstance record{};
+  store(instance.scene_from_object, around, record.rel_from_object);
+  store(instance.previous_scene_from_object, around, record.previous_rel_from_object);
+  record.material = scene.meshes[instance.mesh].material;
+  record.object = index;
+  record.flags = surface_flags(records[record.material]);
+  record.flip = flips[index];
+  record.previous_vertex = meshes[instance.mesh].steps_to_previous();
+  return record;
+}
+
+void SceneBuffers::State::find_looks(const Scene& scene) {
+  looks.clear();
+  for (const std::uint32_t index : order) {
+    const Instance& instance = scene.instances[index];
+    Look look;
+    look.add(index);
+    look.add(instance.mesh);
+    look.add(scene.meshes[instance.mesh].shape);
+    for (int column = 0; column < 4; ++column)
+      for (int row = 0; row < 4; ++row) look.add(std::bit_cast<std::uint64_t>(instance.scene_from_object[column][row]));
+    looks.push_back(look);
+  }
 }
 
 SceneBuffers::SceneBuffers(vulkan::Device& device, VkDescriptorSetLayout materials_layout)
@@ -269,6 +290,9 @@ void SceneBuffers::update(const Scene& scene, const glm::dvec3& origin) {
     state.sort_draws(scene);
   }
   state.upload_instances(scene);
+  if (has_moved) {
+    state.find_looks(scene);
+  }
   state.content_revision = scene.content_revision;
   state.motion_revision = scene.motion_revision;
 }
@@ -291,6 +315,15 @@ const vulkan::Buffer& SceneBuffers::commands() const {
 std::span<const DrawGroup> SceneBuffers::groups() const {
   return state_->groups;
 }
+HeddleInstance SceneBuffers::placed(const Scene& scene, std::uint32_t place, const glm::dvec3& origin) const {
+  return state_->placed(scene, state_->order.at(place), origin);
+}
+std::span<const Look> SceneBuffers::looks() const {
+  return state_->looks;
+}
+std::span<const VkDrawIndexedIndirectCommand> SceneBuffers::commands_of(const DrawGroup& group) const {
+  return std::span(state_->command_list).subspan(group.first_command, group.command_count);
+}
 std::span<const std::uint32_t> SceneBuffers::order() const {
   return state_->order;
 }
@@ -298,8 +331,7 @@ const MeshRange& SceneBuffers::mesh(std::uint32_t index) const {
   return state_->meshes.at(index);
 }
 VisibleDraws SceneBuffers::visible(const DrawGroup& group, const Frustum& frustum) const {
-  return cull(std::span(state_->command_list).subspan(group.first_command, group.command_count), state_->boxes,
-              frustum);
+  return cull(commands_of(group), state_->boxes, frustum);
 }
 VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
   return state_->textures.set(texture_group);

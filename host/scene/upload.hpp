@@ -4,6 +4,7 @@
 #pragma once
 
 #include "scene/cull.hpp"
+#include "scene/look.hpp"
 #include "scene/scene.hpp"
 #include "vulkan/device.hpp"
 
@@ -53,6 +54,13 @@ class SceneBuffers {
   [[nodiscard]] const vulkan::Buffer& commands()
       const;  // VkDrawIndexedIndirectCommand; firstInstance = first in instances()
   [[nodiscard]] std::span<const DrawGroup> groups() const;
+  /// What instances()[place] would be, relative to another point of the scene. Former places are relative to it as
+  /// well.
+  [[nodiscard]] HeddleInstance placed(const Scene& scene, std::uint32_t place, const glm::dvec3& origin) const;
+  /// Of each of instances(): differs where its place or shape does. Meshes and materials are the content revision's.
+  [[nodiscard]] std::span<const Look> looks() const;
+  /// The commands of a group, of all its instances.
+  [[nodiscard]] std::span<const VkDrawIndexedIndirectCommand> commands_of(const DrawGroup& group) const;
   /// The scene's instances in draw order: which one each of instances() is.
   [[nodiscard]] std::span<const std::uint32_t> order() const;
   /// Of the scene's mesh of that number.

@@ -43,17 +43,14 @@ class Edge {
     to_light_ = {std::sin(theta) * std::cos(azimuth), std::cos(theta), std::sin(theta) * std::sin(azimuth)};
     place_ = -kHeight * to_light_.x / to_light_.y;
 
-    shadow_map::Settings map;
-    map.resolution = settings.resolution;
-    map.filter_radius = settings.filter_radius;
     const double resolution = settings.resolution;
     const double reach = kDistance / std::pow(shadow_map::kCascadeRatio, settings.cascades - 1.0);
     HeddleView camera{};
     camera.half_size[0] = camera.half_size[1] = static_cast<float>(std::tan(0.5));
-    radius_ = shadow_map::bounding_sphere(camera, reach).radius;
-    // As cascade_view: a border for the filter, and a texel on each side for the grid that stands still.
-    const double inside = resolution - 2.0 * shadow_map::guard_texels(settings.filter_radius);
-    texel_ = 2.0 * radius_ / inside * (resolution / (resolution - 2.0));
+    radius_ = depth_maps::bounding_sphere(camera, reach).radius;
+    // As cascade_view: a border for the filter, and half a texel on each side for the grid that stands still.
+    const double inside = resolution - 2.0 * depth_maps::guard_texels(settings.filter_radius);
+    texel_ = 2.0 * radius_ / inside * (resolution / (resolution - 1.0));
 
     patch_.grid = 128;
     const double side = kTexels * texel_;
