@@ -327,9 +327,10 @@ void Executor::State::write_neutral(PassState& state, const ScheduledStage& stag
   for (const Access& access : declared.accesses) {
     const auto found = pass.ports.find(access.port);
     if (found == pass.ports.end()) continue;
-    const AccessInfo use = access_info(access.access, PortType::kImage, graph.resources[found->second].format);
     ResourceState& target = root(found->second);
-    if (!use.writes || !target.image) continue;
+    if (!target.image) continue;
+    const AccessInfo use = access_info(access.access, PortType::kImage, graph.resources[found->second].format);
+    if (!use.writes) continue;
     const RolePort* port = pass.role->find_port(access.port);
     const VkImageLayout layout = target.layout;
     clear_image(target, graph.resources[target.root], port != nullptr ? port->neutral : std::array<double, 4>{});
@@ -454,6 +455,7 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
       state.descriptor->activity != nullptr
           ? state.descriptor->activity(state.object, &state.api, scheduled.stage, &frame, &info)
           : HEDDLE_RUN;
+  throw_if_failed(state, HEDDLE_OK, "activity");
   record_barriers(before);
   const bool is_up_to_date = is_outdated.empty() || is_outdated[scheduled.pass] == 0;
   const bool keeps = activity == HEDDLE_KEEP && is_up_to_date;

@@ -25,6 +25,7 @@ constexpr const char* kSettings = "shadow.settings";  // component of a light: r
 
 constexpr double kResolutionLadder[] = {512, 1024, 2048, 4096};
 constexpr double kCascadesLadder[] = {1, 2, 3, 4, 6, 8};
+constexpr double kSplitLadder[] = {0, 0.5, 0.8, 1};
 constexpr double kBlendLadder[] = {0, 0.1, 0.2, 0.4};
 constexpr double kTapsLadder[] = {1, 4, 9, 16, 25, 49};
 
@@ -36,7 +37,8 @@ constexpr heddle_parameter kParameters[] = {
     integer("suns", "1", 1, kMostSuns, 1, "directional lights that there is room for", HEDDLE_PARAMETER_REDECLARE),
     parameter("distance", "m", 1e-3, 1e5, 100, "how far from the camera lights cast shadows"),
     parameter("nearest", "m", 1e-6, 1e5, 2, "distance from which on texels may grow as pixels do"),
-    parameter("split", "1", 0, 1, 0.8, "1: cascades reach farther by equal factors; 0: by equal distances"),
+    knob(parameter("split", "1", 0, 1, 0.8, "1: cascades reach farther by equal factors; 0: by equal distances"),
+         kSplitLadder),
     parameter("caster_distance", "m", 0, 1e5, 200, "how far towards the light, outside of the view, casters are drawn"),
     knob(parameter("blend", "1", 0, 1, 0.2, "part of a cascade, at its border, that fades into the next one"),
          kBlendLadder),

@@ -211,8 +211,8 @@ class ShadowMap {
     if (count == told_of_) return;
     told_of_ = count;
     if (count == 0) return;
-    host.warn(std::to_string(count) + (count == 1 ? " light finds" : " lights find") + " no room among the " +
-              std::to_string(capacity_) + " depth maps and cast no shadow; raise the parameter 'views'");
+    host.warn(std::to_string(count) + (count == 1 ? " light finds" : " lights find") +
+              " no room in the atlas and cast no shadow; raise the parameter 'views', or lower 'smallest'");
   }
 
   std::vector<PlacedMap> maps_;          // of this frame

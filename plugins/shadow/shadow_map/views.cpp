@@ -61,9 +61,10 @@ std::uint32_t level_needed(const HeddleLight& light, const HeddleView& camera, c
   if (nearest <= 0.0) return 0;
   const double pixel = 2.0 * static_cast<double>(camera.half_size[1]) / std::max(camera.extent[1], 1U) *
                        (camera.is_orthographic != 0 ? 1.0 : nearest);
-  const double side = 2.0 * half_tangent(light, layout) * range * settings.fineness / pixel;
+  const double inside = 2.0 * half_tangent(light, layout) * range * settings.fineness / pixel;
+  const double border = 2.0 * depth_maps::guard_texels(settings.filter_radius);
   std::uint32_t level = 0;
-  while (level + 1 < levels_of(settings) && settings.resolution >> (level + 1) >= side) ++level;
+  while (level + 1 < levels_of(settings) && (settings.resolution >> (level + 1)) - border >= inside) ++level;
   return level;
 }
 

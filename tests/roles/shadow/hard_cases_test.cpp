@@ -327,19 +327,41 @@ TEST(ShadowMap, LightsWithoutRoomAreLitAndNamedOnce) {
   for (const std::uint32_t index : {0U, 1U, 2U}) {
     Host::get().log.clear();
     patch.light = index;
-    Graph graph("extent = [128, 128]\noutput = \"probe.values\"\n" + shadow_map("params.views = 8\n") +
+    Graph graph("extent = [128, 128]\noutput = \"probe.values\"\n" +
+                shadow_map("params.views = 8\nparams.smallest = 1024\n") +
                 "[[pass]]\nname = \"probe\"\nrole = \"probe\"\ntechnique = \"shadow\"\n" + patch.text());
     EXPECT_EQ(graph.image(scene).at(64, 64), index == 0 ? 0.0F : 1.0F);
     graph.render(scene);
     std::vector<std::string> told;
     for (const std::string& line : Host::get().log) {
-      if (line.find("depth maps") != std::string::npos) told.push_back(line);
+      if (line.find("no room") != std::string::npos) told.push_back(line);
     }
     ASSERT_EQ(told.size(), 1U);
     EXPECT_THAT(told[0],
-                testing::HasSubstr("2 lights find no room among the 8 depth maps and cast no shadow; raise the "
-                                   "parameter 'views'"));
+                testing::HasSubstr("2 lights find no room in the atlas and cast no shadow; raise the parameter "
+                                   "'views', or lower 'smallest'"));
   }
+}
+
+TEST(ShadowMap, LightsShareTheRoomThereIs) {
+  // Room for eight of the largest maps and 18 wanted: the first light's are large, the others' smaller, and all cast.
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 5.0);
+  scene.add_box({-0.5, 1, -0.5}, {0.5, 1.1, 0.5});
+  for (int i = 0; i < 3; ++i) scene.add_light(light(HEDDLE_LIGHT_POINT), {0, 3, 0});
+  scene.look({0, 3, 4}, {0, 0, 0});
+  Host::get().log.clear();
+  for (const std::uint32_t index : {0U, 1U, 2U}) {
+    Patch patch{{-2, 0, -2}, {4, 0, 0}, {0, 0, 4}, {0, 1, 0}};
+    patch.camera = {0, 3, 4};
+    patch.light = index;
+    // The box's shadow on the floor: 3 / 1.9 of its upper face; texels of the smaller maps are up to 50 mm there.
+    expect_everywhere(ask(scene, patch, shadow_map("params.views = 8\n")), patch, [](const dvec3& p) {
+      const double reach = std::max(std::abs(p.x), std::abs(p.z));
+      return reach < 0.75 - 0.2 ? 0.0 : reach > 0.79 + 0.25 ? 1.0 : -1.0;
+    });
+  }
+  EXPECT_THAT(Host::get().log, testing::Each(testing::Not(testing::HasSubstr("no room"))));
 }
 
 TEST(ShadowMap, SameInputGivesTheSameBytes) {

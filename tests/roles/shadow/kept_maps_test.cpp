@@ -2,6 +2,7 @@
 // Which depth maps are drawn: those that would look different by now and no others, told by counters; and that a
 // picture made with kept ones is, byte for byte, the picture made with all of them drawn.
 #include "patch.hpp"
+#include "roles/readme.hpp"
 
 #include <gmock/gmock.h>
 
@@ -221,8 +222,7 @@ TEST(KeptMaps, SurviveASwapOfWhoReadsThemAndWhatTheyDoNotDependOn) {
 
 TEST(KeptMaps, AreDrawnOnceForAllSamplesOfALoop) {
   for (const char* technique : {"shadow_map", "cascaded"}) {
-    Row row;
-    row.scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, {0.3, -1, 0.2}));
+    Row row;  // and the sky's sun
     Graph graph("extends = \"supersampled\"\nextent = [32, 32]\n[[pass]]\nname = \"shadow\"\ntechnique = \"" +
                     std::string(technique) + "\"\n" + kSmall,
                 {"aa.params.samples=4"});
@@ -264,6 +264,17 @@ TEST(KeptMaps, HoldManyLightsWhoseMapsAreAsFineAsPixels) {
     EXPECT_EQ(render(graph, scene), (Maps{64 * 6, 0}));
     EXPECT_THAT(Host::get().log, testing::Each(testing::Not(testing::HasSubstr("no room"))));
     EXPECT_EQ(graph.read().at(32, 32), 0.0F) << "under the box of lamp " << index;
+  }
+}
+
+TEST(KeptMaps, ReadmesSayWhatTheDescriptorsDo) {
+  const char* text = nullptr;
+  check(heddle_list(Host::get().handle, &text));
+  const nlohmann::json all = nlohmann::json::parse(text);
+  for (const char* id : {"shadow/shadow_map", "shadow/cascaded"}) {
+    const std::string table = parameter_table(all, id);
+    ASSERT_FALSE(table.empty()) << id;
+    EXPECT_THAT(readme_of(id), testing::HasSubstr(table)) << id;
   }
 }
 

@@ -1,19 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // shadow_map's views and its normal offset: properties of the geometry, without a device.
 #include "views.hpp"
+#include "normal_offset.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
 #include <random>
-
-namespace shadow_map_float64 {
-using namespace glm;
-#define float double
-#include "normal_offset.glsl"
-#undef float
-}  // namespace shadow_map_float64
 
 namespace {
 
@@ -264,7 +258,10 @@ TEST(ShadowMapSizes, TexelsAreAsFineAsThePixelsThatSeeThemAndNoFinerThanThat) {
     }
     const double pixel = nearest * 2.0 * 0.5 / 720.0;
     const double tangent = trial % 2 == 0 ? 0.75 : 1.0;  // cos_outer is 0.8
-    const auto texel = [&](std::uint32_t at) { return 2.0 * tangent * light.range / (settings.resolution >> at); };
+    const double border = 2.0 * depth_maps::guard_texels(settings.filter_radius);
+    const auto texel = [&](std::uint32_t at) {
+      return 2.0 * tangent * static_cast<double>(light.range) / ((settings.resolution >> at) - border);
+    };
     if (level > 0) {
       EXPECT_LE(texel(level), pixel / settings.fineness * (1 + 1e-6));
       ++coarser;
@@ -335,7 +332,8 @@ TEST(ShadowMapOffset, NoTexelThatTheFilterReadsShowsTheReceiversOwnPlaneInFront)
 
         const double texel = view.lookup.texel_size * (is_parallel ? 1.0 : glm::dot(p - light_position, axis));
         const double along = glm::dot(n, axis);
-        const double offset = shadow_map_float64::normal_offset(filter_radius, texel, std::sqrt(1 - along * along), 0);
+        const double offset =
+            normal_offset_float64::normal_offset(filter_radius, texel, std::sqrt(1 - along * along), 0);
         const PlaneInView plane{view, p, n, 512.0};
         for (const bool is_half : {false, true}) {
           const dvec3 lookup = project(view, p + n * (is_half ? 0.5 * offset : offset));

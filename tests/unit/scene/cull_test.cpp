@@ -168,6 +168,33 @@ TEST(Cull, NeverLeavesOutWhatCanBeSeen) {
   EXPECT_GT(seen, 1000U);
 }
 
+TEST(Cull, NeverLeavesOutWhatAViewWithAnOriginOfItsOwnSees) {
+  Random random(3);
+  std::size_t culled = 0, seen = 0;
+  for (int round = 0; round < 300; ++round) {
+    // Boxes are known relative to the frame's origin, which is as far as `from`; triangles are drawn relative to the
+    // view's.
+    const glm::dvec3 from = random.vector(random.log_uniform(1.0, 1e6));
+    const HeddleView view = make_view(random_camera(random, glm::dvec3(0.0)), 64, 36, glm::dvec3(0.0));
+    const Frustum frustum(view, from);
+    for (int i = 0; i < 100; ++i) {
+      const double distance = random.log_uniform(1e-2, 1e4);
+      const glm::dvec3 place = random.vector(distance);
+      const Shape shape = random_shape(random, place, distance * random.log_uniform(1e-4, 1.0));
+      HeddleInstance boxed = shape.instance;
+      for (int k = 0; k < 3; ++k) boxed.rel_from_object[12 + k] = static_cast<float>(place[k] - from[k]);
+      const bool is_culled = frustum.excludes(bounding_box(shape.bounds, boxed));
+      culled += is_culled ? 1 : 0;
+      seen += shape.is_seen(view, false) ? 1 : 0;
+      if (!is_culled) continue;
+      ASSERT_FALSE(shape.is_seen(view, false)) << "round " << round << ", shape " << i;
+      ASSERT_FALSE(shape.is_seen(view, true)) << "as a shader places it: round " << round << ", shape " << i;
+    }
+  }
+  EXPECT_GT(culled, 10000U);
+  EXPECT_GT(seen, 1000U);
+}
+
 TEST(Cull, KeepsWhatOnlyTouchesTheEdgeOfTheView) {
   Random random(2);
   std::size_t touching = 0;
