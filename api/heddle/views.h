@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 /* Drawings that outlast the frame: depth maps, cubes and atlases in HEDDLE_PORT_KEPT ports, of which a part is drawn
  * again only where it would look different. They are placed in the scene by a point of their own, so that their pixels
- * do not depend on where the main camera stands. */
+ * do not depend on where the main camera stands. The stage's accesses to the attachments say HEDDLE_LOAD_CLEAR, as no
+ * drawing reads what was there before; so they may stand in a loop's body too. */
 #ifndef HEDDLE_VIEWS_H
 #define HEDDLE_VIEWS_H
 

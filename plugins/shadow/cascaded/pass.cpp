@@ -15,7 +15,6 @@ using namespace heddle::pass;
 using cascaded::LightCascades;
 using cascaded::Settings;
 using depth_maps::LookupView;
-using depth_maps::PlacedMap;
 
 constexpr std::uint32_t kMostTaps = 64;
 constexpr std::uint32_t kMostCascades = 8;
@@ -87,8 +86,10 @@ Settings settings_of(const PassHost& host) {
   return settings;
 }
 
-class Cascaded {
+class Cascaded : public depth_maps::DepthMapAtlas {
  public:
+  Cascaded() : DepthMapAtlas(kDrawDepth) {}
+
   heddle_status declare(const PassHost& host) {
     capacity_ = static_cast<std::uint32_t>(host.integer("suns"));
     heddle_shape shape{};
@@ -97,27 +98,12 @@ class Cascaded {
     return host.set_shape("atlas", shape);
   }
 
-  heddle_status prepare(const PassHost&) {
-    kept_.forget();
-    return HEDDLE_OK;
-  }
-
   heddle_status execute(const Frame& frame) {
-    if (const heddle_status status = fit_views(frame); status != HEDDLE_OK) return status;
-    const auto kernel = depth_maps::make_kernel(static_cast<std::uint32_t>(frame.host().integer("filter_taps")));
-    heddle_status status = frame.set_value("shadow_views", std::span<const LookupView>(lookups_));
+    heddle_status status = fit_views(frame);
+    if (status == HEDDLE_OK) status = set_values(frame);
     if (status == HEDDLE_OK) status = frame.set_value("light_cascades", std::span<const LightCascades>(lights_));
-    if (status == HEDDLE_OK) status = frame.set_value("kernel", std::span<const std::array<float, 4>>(kernel));
     return status;
   }
-
-  std::uint32_t activity(const Frame& frame) {
-    if (frame.stage() != kDrawDepth) return HEDDLE_RUN;
-    if (frame.info().cut != 0 && frame.info().iteration == 0) kept_.forget();
-    return kept_.choose(frame, maps_, !frame.host().toggle("keep"));
-  }
-
-  heddle_status record(const Frame& frame) { return kept_.record(frame); }
 
  private:
   static bool has_cascades(const HeddleLight& light) {
@@ -133,28 +119,23 @@ class Cascaded {
     const auto lights = frame.value<HeddleLight>("lights");
     const auto camera = frame.value<HeddleView>("camera");
     const glm::dvec3 origin(frame.info().origin[0], frame.info().origin[1], frame.info().origin[2]);
-    maps_.clear();
-    lookups_.clear();
+    begin_maps();
     lights_.assign(std::min<std::size_t>(lights.size(), kMostLights), LightCascades{});
     if (camera.empty()) return HEDDLE_OK;
     std::size_t without_map = 0;
     for (const std::size_t i : order_of(lights, *components)) {
-      if (i >= lights_.size() || maps_.size() == std::size_t{capacity_} * general.cascades) {
+      if (i >= lights_.size() || map_count() == std::size_t{capacity_} * general.cascades) {
         ++without_map;
         continue;
       }
       Settings settings = general;
       if (const auto row = components->find(HEDDLE_OWNER_LIGHT, lights[i].id))
         settings.filter_radius = components->written(*row, "filter_radius").value_or(settings.filter_radius);
-      const auto first = static_cast<std::uint32_t>(maps_.size());
-      lights_[i] = {first, settings.cascades, blend, static_cast<float>(settings.filter_radius)};
-      for (const depth_maps::MapView& view : cascaded::make_views(lights[i], camera.front(), origin, settings)) {
-        const auto layer = static_cast<std::uint32_t>(maps_.size());
-        maps_.push_back({view, {layer, 0, 0, settings.resolution}});
-        lookups_.push_back(depth_maps::make_lookup(view, origin, maps_.back().tile, settings.resolution));
-      }
+      lights_[i] = {map_count(), settings.cascades, blend, static_cast<float>(settings.filter_radius)};
+      for (const depth_maps::MapView& view : cascaded::make_views(lights[i], camera.front(), origin, settings))
+        add_map(view, {map_count(), 0, 0, settings.resolution}, origin, settings.resolution);
     }
-    tell_of_lights_without_map(frame.host(), without_map);
+    tell_of_lights_without_map(frame.host(), without_map, "directional light", "raise the parameter 'suns'");
     return HEDDLE_OK;
   }
 
@@ -171,21 +152,8 @@ class Cascaded {
     return order;
   }
 
-  /// Says once for each number of such lights, not in every frame.
-  void tell_of_lights_without_map(const PassHost& host, std::size_t count) {
-    if (count == told_of_) return;
-    told_of_ = count;
-    if (count == 0) return;
-    host.warn(std::to_string(count) + (count == 1 ? " directional light finds" : " directional lights find") +
-              " no room and cast no shadow; raise the parameter 'suns'");
-  }
-
-  std::vector<PlacedMap> maps_;        // of this frame
-  std::vector<LookupView> lookups_;    // parallel to maps_
   std::vector<LightCascades> lights_;  // of this frame, for each light
-  depth_maps::KeptMaps kept_;
-  std::uint32_t capacity_ = 0;  // lights that have layers
-  std::size_t told_of_ = 0;     // lights without a map that the last warning counted
+  std::uint32_t capacity_ = 0;         // lights that have layers
 };
 
 constexpr heddle_technique kCascaded = [] {

@@ -14,7 +14,6 @@ namespace {
 
 using namespace heddle::pass;
 using depth_maps::LookupView;
-using depth_maps::PlacedMap;
 using depth_maps::Square;
 using shadow_map::LightViews;
 using shadow_map::Settings;
@@ -90,8 +89,10 @@ Settings settings_of(const PassHost& host) {
   return settings;
 }
 
-class ShadowMap {
+class ShadowMap : public depth_maps::DepthMapAtlas {
  public:
+  ShadowMap() : DepthMapAtlas(kDrawDepth) {}
+
   heddle_status declare(const PassHost& host) {
     capacity_ = static_cast<std::uint32_t>(host.integer("views"));
     heddle_shape shape{};
@@ -100,27 +101,12 @@ class ShadowMap {
     return host.set_shape("atlas", shape);
   }
 
-  heddle_status prepare(const PassHost&) {
-    kept_.forget();
-    return HEDDLE_OK;
-  }
-
   heddle_status execute(const Frame& frame) {
-    if (const heddle_status status = fit_views(frame); status != HEDDLE_OK) return status;
-    const auto kernel = depth_maps::make_kernel(static_cast<std::uint32_t>(frame.host().integer("filter_taps")));
-    heddle_status status = frame.set_value("shadow_views", std::span<const LookupView>(lookups_));
+    heddle_status status = fit_views(frame);
+    if (status == HEDDLE_OK) status = set_values(frame);
     if (status == HEDDLE_OK) status = frame.set_value("light_views", std::span<const LightViews>(light_views_));
-    if (status == HEDDLE_OK) status = frame.set_value("kernel", std::span<const std::array<float, 4>>(kernel));
     return status;
   }
-
-  std::uint32_t activity(const Frame& frame) {
-    if (frame.stage() != kDrawDepth) return HEDDLE_RUN;
-    if (frame.info().cut != 0 && frame.info().iteration == 0) kept_.forget();
-    return kept_.choose(frame, maps_, !frame.host().toggle("keep"));
-  }
-
-  heddle_status record(const Frame& frame) { return kept_.record(frame); }
 
  private:
   /// What the scene says of one light, over the parameters.
@@ -169,8 +155,7 @@ class ShadowMap {
     const auto lights = frame.value<HeddleLight>("lights");
     const auto camera = frame.value<HeddleView>("camera");
     const glm::dvec3 origin(frame.info().origin[0], frame.info().origin[1], frame.info().origin[2]);
-    maps_.clear();
-    lookups_.clear();
+    begin_maps();
     light_views_.assign(std::min<std::size_t>(lights.size(), kMostLights), LightViews{});
     if (camera.empty()) return HEDDLE_OK;
 
@@ -187,41 +172,26 @@ class ShadowMap {
       const std::size_t i = order[w];
       const std::vector<Square>& squares = granted[w];
       if (wishes[w].count == 0) continue;
-      if (squares.empty() || i >= light_views_.size() || maps_.size() + squares.size() > kMostMaps) {
+      if (squares.empty() || i >= light_views_.size() || map_count() + squares.size() > kMostMaps) {
         ++without_map;
         continue;
       }
       const Settings settings = settings_for(lights[i], *components, general);
       light_views_[i] = shadow_map::views_needed(lights[i], settings);
-      light_views_[i].first = static_cast<std::uint32_t>(maps_.size());
+      light_views_[i].first = map_count();
       const depth_maps::Tile first = depth_maps::tile_of(squares.front(), settings.resolution);
       const auto made = shadow_map::make_views(lights[i], position_of(lights[i], views, origin), camera.front(), origin,
                                                settings, first.side);
-      for (std::size_t k = 0; k < made.size(); ++k) {
-        maps_.push_back({made[k], depth_maps::tile_of(squares[k], settings.resolution)});
-        lookups_.push_back(depth_maps::make_lookup(made[k], origin, maps_.back().tile, settings.resolution));
-      }
+      for (std::size_t k = 0; k < made.size(); ++k)
+        add_map(made[k], depth_maps::tile_of(squares[k], settings.resolution), origin, settings.resolution);
     }
-    tell_of_lights_without_map(frame.host(), without_map);
+    tell_of_lights_without_map(frame.host(), without_map, "light", "raise the parameter 'views', or lower 'smallest'");
     return HEDDLE_OK;
   }
 
-  /// Says once for each number of such lights, not in every frame.
-  void tell_of_lights_without_map(const PassHost& host, std::size_t count) {
-    if (count == told_of_) return;
-    told_of_ = count;
-    if (count == 0) return;
-    host.warn(std::to_string(count) + (count == 1 ? " light finds" : " lights find") +
-              " no room in the atlas and cast no shadow; raise the parameter 'views', or lower 'smallest'");
-  }
-
-  std::vector<PlacedMap> maps_;          // of this frame
-  std::vector<LookupView> lookups_;      // parallel to maps_
   std::vector<LightViews> light_views_;  // of this frame, for each light
   depth_maps::AtlasPlaces places_;
-  depth_maps::KeptMaps kept_;
   std::uint32_t capacity_ = 0;  // layers of the atlas
-  std::size_t told_of_ = 0;     // lights without a map that the last warning counted
 };
 
 constexpr heddle_technique kShadowMap = [] {

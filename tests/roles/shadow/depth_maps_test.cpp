@@ -2,6 +2,7 @@
 // What techniques with depth maps share: places in an atlas, maps that stand still under the camera, and the bounds of
 // cascades. Properties of the geometry, without a device.
 #include "depth_maps.hpp"
+#include "cameras.hpp"
 #include "cascades.hpp"
 
 #include <gtest/gtest.h>
@@ -20,6 +21,8 @@ using depth_maps::Square;
 using depth_maps::Tile;
 using glm::dvec2;
 using glm::dvec3;
+using shadow_cameras::camera_along;
+using shadow_cameras::random_direction;
 
 // ---- the atlas ------------------------------------------------------------------------------------------------------
 
@@ -119,20 +122,6 @@ TEST(AtlasPlaces, GivesTheImportantFirstAndTheOthersLessWhenItIsFull) {
 
 // ---- maps that stand still ------------------------------------------------------------------------------------------
 
-HeddleView camera_along(const dvec3& forward, double half_height, double aspect) {
-  const dvec3 back = -glm::normalize(forward);
-  const dvec3 right = glm::normalize(glm::cross(dvec3(0.1, 1, 0.05), back));
-  const dvec3 columns[3] = {right, glm::cross(back, right), back};
-  HeddleView view{};
-  for (int c = 0; c < 3; ++c)
-    for (int r = 0; r < 3; ++r) view.rel_from_view[4 * c + r] = static_cast<float>(columns[c][r]);
-  view.rel_from_view[15] = 1.0F;
-  view.half_size[0] = static_cast<float>(half_height * aspect);
-  view.half_size[1] = static_cast<float>(half_height);
-  view.near_distance = 0.01F;
-  return view;
-}
-
 HeddleLight sun(const dvec3& direction) {
   HeddleLight light{};
   light.type = HEDDLE_LIGHT_DIRECTIONAL;
@@ -143,11 +132,6 @@ HeddleLight sun(const dvec3& direction) {
     light.intensity[i] = 1.0F;
   }
   return light;
-}
-
-dvec3 random_direction(std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  return glm::normalize(dvec3(normal(random), normal(random), normal(random)));
 }
 
 TEST(Cascades, MoveByWholeTexelsUnderACameraThatMovesAndTurns) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // shadow_map's views and its normal offset: properties of the geometry, without a device.
 #include "views.hpp"
+#include "cameras.hpp"
 #include "normal_offset.hpp"
 
 #include <gtest/gtest.h>
@@ -15,6 +16,8 @@ using glm::dmat4;
 using glm::dvec2;
 using glm::dvec3;
 using glm::dvec4;
+using shadow_cameras::camera_along;
+using shadow_cameras::random_direction;
 using shadow_map::Layout;
 using shadow_map::Settings;
 
@@ -31,23 +34,6 @@ std::vector<MapView> make_views(const HeddleLight& light, const HeddleView& came
            light, origin + depth_maps::to_double(light.position_rel), camera, origin, settings, settings.resolution))
     views.push_back({map, depth_maps::make_lookup(map, origin, {0, 0, 0, settings.resolution}, settings.resolution)});
   return views;
-}
-
-/// A camera at the frame's origin that looks along `forward`.
-HeddleView camera_along(const dvec3& forward, double half_height, double aspect) {
-  const dvec3 back = -glm::normalize(forward);
-  const dvec3 right = glm::normalize(glm::cross(dvec3(0.1, 1, 0.05), back));
-  const dvec3 up = glm::cross(back, right);
-  HeddleView view{};
-  const dvec3 columns[3] = {right, up, back};
-  for (int c = 0; c < 3; ++c) {
-    for (int r = 0; r < 3; ++r) view.rel_from_view[4 * c + r] = static_cast<float>(columns[c][r]);
-  }
-  view.rel_from_view[15] = 1.0F;
-  view.half_size[0] = static_cast<float>(half_height * aspect);
-  view.half_size[1] = static_cast<float>(half_height);
-  view.near_distance = 0.01F;
-  return view;
 }
 
 HeddleLight light_of(std::uint32_t type, const dvec3& direction, const dvec3& position = dvec3(0.0)) {
@@ -78,11 +64,6 @@ dvec3 project(const MapView& view, const dvec3& position_rel) {
 
 double largest(const dvec3& ndc) {
   return std::max(std::abs(ndc.x), std::abs(ndc.y));
-}
-
-dvec3 random_direction(std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  return glm::normalize(dvec3(normal(random), normal(random), normal(random)));
 }
 
 TEST(ShadowMapViews, BoundingSphereHoldsTheWholeView) {
