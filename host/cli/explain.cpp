@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // heddle explain: what the graph compiler decided, and why.
 
+#include "cli/run_job.hpp"
 #include "cli/session.hpp"
 
 #include <fmt/format.h>
@@ -22,7 +23,8 @@ int explain(ExplainArguments& arguments) {
   const Owned<heddle_host> host = make_host(arguments.host);
   const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
   // With a scene the plan is the real one: pruned by its features, with the driver's sizes.
-  if (!arguments.scene.empty()) {
+  // A job may take its time: it is explained as it would run if nothing were there.
+  if (!arguments.scene.empty() && !is_job(host.get(), graph.get())) {
     const Owned<heddle_scene> scene = load_scene(host.get(), arguments);
     check(host.get(), heddle_render(graph.get(), scene.get(), nullptr));
   }

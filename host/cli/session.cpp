@@ -2,6 +2,7 @@
 // Owners, arguments and files for the subcommands.
 
 #include "cli/session.hpp"
+#include "cli/progress_line.hpp"
 #include "cli/stop.hpp"
 #include "json.hpp"
 
@@ -22,6 +23,7 @@ namespace {
 void log_to_stderr(void* user, std::uint32_t severity, const char* text) {
   const bool is_quiet = *static_cast<const bool*>(user);
   if (is_quiet && severity > 0) return;
+  clear_progress();
   std::fprintf(stderr, "%s\n", text);
 }
 
@@ -78,6 +80,7 @@ void Destroy::operator()(heddle_host* host) const {
 }
 
 void check(const heddle_host* host, heddle_status status) {
+  clear_progress();
   if (status != HEDDLE_OK) throw Failure{status, heddle_error(host)};
 }
 
@@ -97,6 +100,7 @@ Owned<heddle_host> make_host(const HostArguments& arguments) {
   options.plugin_path = arguments.plugin_path.empty() ? nullptr : arguments.plugin_path.c_str();
   options.log = log_to_stderr;
   options.log_user = const_cast<bool*>(&arguments.quiet);
+  if (!arguments.quiet && can_show_progress()) options.progress = show_progress;
   heddle_host* host = nullptr;
   check(nullptr, heddle_create(&options, &host));
   stop_on_signals(host);
@@ -215,7 +219,9 @@ void write_file(const std::filesystem::path& file, std::string_view text) {
 }
 
 void say(const HostArguments& arguments, std::string_view text) {
-  if (!arguments.quiet) fmt::print(stderr, "{}\n", text);
+  if (arguments.quiet) return;
+  clear_progress();
+  fmt::print(stderr, "{}\n", text);
 }
 
 void run_in_python(int argc, char** argv) {
@@ -237,7 +243,7 @@ void run_in_python(int argc, char** argv) {
   arguments.push_back(nullptr);
   execvp(python.c_str(), arguments.data());
   throw Failure{HEDDLE_FAILED,
-                "error: the scene is a Python file, and python3 could not be started\n  help: install the "
+                "error: this needs Python, and python3 could not be started\n  help: install the "
                 "packages python3 and python3-numpy"};
 }
 

@@ -100,7 +100,10 @@ class Template {
     used.name = text_of(port, "name");
     used.is_optional = port["optional"].get<bool>();
     used.is_list = port["list"].get<bool>();
-    used.c_type = type == "image" ? "HEDDLE_PORT_IMAGE" : type == "buffer" ? "HEDDLE_PORT_BUFFER" : "HEDDLE_PORT_VALUE";
+    used.c_type = type == "image"      ? "HEDDLE_PORT_IMAGE"
+                  : type == "buffer"   ? "HEDDLE_PORT_BUFFER"
+                  : type == "artifact" ? "HEDDLE_PORT_ARTIFACT"
+                                       : "HEDDLE_PORT_VALUE";
     used.is_output = direction == "out";
     if (used.is_output && type != "image" && !used.is_optional) {
       throw Failure{HEDDLE_UNSUPPORTED,

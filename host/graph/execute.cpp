@@ -49,6 +49,15 @@ void Executor::replace(ResolvedGraph graph, std::vector<std::string> kept) {
   for (const std::string& name : kept) (void)find_resource(graph, name);
   std::swap(s.original, graph);
   std::swap(s.kept_names, kept);
+  s.adopt_jobs(graph.jobs);
+  const auto is_there = [&](ResourceIndex resource) { return s.lasting.contains(s.original.resources[resource].name); };
+  const bool waits = s.is_planned && !s.original.jobs.empty() &&
+                     !std::ranges::all_of(s.needed_artifacts(s.planned_features), is_there);
+  if (s.original.is_job || waits) {
+    // A job plans when it runs; and before this frame graph can be planned, its jobs have to.
+    s.retire();
+    s.has_frame = false;
+  }
   if (!s.is_planned) {
     s.graph = s.original;
     return;
@@ -81,7 +90,8 @@ void Executor::set_parameter(PassIndex pass, std::size_t parameter, const Parame
   if (s.passes[pass]) s.write_parameters(*s.passes[pass]);
 }
 
-void Executor::State::stop_if_cancelled() const {
+void Executor::State::stop_if_cancelled() {
+  if (stop_reason) std::rethrow_exception(std::exchange(stop_reason, nullptr));
   if (services.is_cancelled != nullptr && services.is_cancelled->exchange(false)) {
     throw Error(HEDDLE_CANCELLED, "stopped, as heddle_cancel asked for");
   }
@@ -113,8 +123,7 @@ std::string Executor::with_plan(const std::function<std::string()>& body) {
       s.services.log(Severity::kWarning, fmt::format("sizes and memory are not known: {}", error.what()));
       s.unplan();
       s.graph = s.original;
-      s.wanted = {s.graph.output};
-      for (const std::string& name : s.kept_names) s.wanted.push_back(find_resource(s.graph, name));
+      s.find_wanted();
       prune(s.graph, s.wanted, every_feature);
       weave_loops(s.graph);
       s.order = graph::order(s.graph);

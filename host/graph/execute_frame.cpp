@@ -67,10 +67,10 @@ void Executor::State::submit_and_wait() {
   VkSubmitInfo2 submit{VK_STRUCTURE_TYPE_SUBMIT_INFO_2};
   submit.commandBufferInfoCount = 1;
   submit.pCommandBufferInfos = &buffer;
-  const auto start = Clock::now();
+  if (stats.submit_ms == 0) first_submission = Clock::now();
   vulkan::check(vk.QueueSubmit2(device->queue(), 1, &submit, fence), "vkQueueSubmit2");
   vulkan::check(vk.WaitForFences(vk.device, 1, &fence, VK_TRUE, ~0ULL), "vkWaitForFences");
-  stats.submit_ms += milliseconds_since(start);
+  stats.submit_ms = milliseconds_since(first_submission);  // cpu stages between two submissions count
   vulkan::check(vk.ResetFences(vk.device, 1, &fence), "vkResetFences");
   commands = VK_NULL_HANDLE;
 }
@@ -190,8 +190,7 @@ VkDescriptorBufferInfo Executor::State::storage_of(Value& value) {
 
 /// Components as shaders see them; made anew when a component changed, or for another scene.
 void Executor::State::set_component_values(const scene::Scene& rendered) {
-  // Both only grow, and content revisions of two scenes are far apart: no two tables have the same number.
-  component_revision = rendered.content_revision + rendered.components.revision();
+  const std::uint64_t component_revision = scene::component_revision(rendered);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
     const bool is_scene = resource.producer == kNoIndex && resource.history_of == kNoIndex;
@@ -206,11 +205,15 @@ void Executor::State::set_component_values(const scene::Scene& rendered) {
 }
 
 void Executor::State::set_scene_values(const scene::Scene& rendered) {
-  const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
-  previous_origin = origin;
-  origin = {camera.position[0], camera.position[1], camera.position[2]};
-  const HeddleView view = scene::make_view(camera, graph.width, graph.height, origin,
-                                           info.cut != 0 || !previous_camera ? nullptr : &*previous_camera);
+  HeddleView view{};
+  if (!graph.is_job) {  // a job has no camera, and its origin is the middle of the scene
+    const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
+    previous_origin = origin;
+    origin = {camera.position[0], camera.position[1], camera.position[2]};
+    view = scene::make_view(camera, graph.width, graph.height, origin,
+                            info.cut != 0 || !previous_camera ? nullptr : &*previous_camera);
+    previous_camera = camera;
+  }
   const std::vector<HeddleLight> lights = scene::SceneBuffers::lights(rendered, origin);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
@@ -221,7 +224,6 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     if (resource.port == "environment") set_environment(i, rendered);
   }
   set_component_values(rendered);
-  previous_camera = camera;
   if (!scene_buffers || scene != &rendered) {
     scene_buffers = std::make_unique<scene::SceneBuffers>(*device, materials_layout);
     scene = &rendered;
@@ -261,21 +263,23 @@ std::uint32_t Executor::State::add_view(const HeddleView& view) {
     if (views) frame_buffers.push_back(std::move(views));
     views = device->make_buffer(size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, true);
     view_count = 0;
-    program_set = VK_NULL_HANDLE;
+    program_sets.clear();
   }
   const std::uint32_t offset = view_count * kStride;
   std::memcpy(views.data() + offset, &view, sizeof view);
   device->note_host_write(views, offset, sizeof view);
   ++view_count;
-  if (program_set == VK_NULL_HANDLE) program_set = make_program_set(scene_buffers->instances());
   return offset;
 }
 
-VkDescriptorSet Executor::State::make_program_set(const vulkan::Buffer& instances) {
+/// Set 3 of a drawing from these buffers; made once for a submission's views.
+VkDescriptorSet Executor::State::make_program_set(VkBuffer vertices, VkBuffer instances) {
+  VkDescriptorSet& set = program_sets[{vertices, instances}];
+  if (set != VK_NULL_HANDLE) return set;
   const heddle_vulkan& vk = device->table();
-  const VkDescriptorSet set = allocate_set(program_layout);
-  const std::array<VkDescriptorBufferInfo, 4> buffers{{{scene_buffers->vertices().handle(), 0, VK_WHOLE_SIZE},
-                                                       {instances.handle(), 0, VK_WHOLE_SIZE},
+  set = allocate_set(program_layout);
+  const std::array<VkDescriptorBufferInfo, 4> buffers{{{vertices, 0, VK_WHOLE_SIZE},
+                                                       {instances, 0, VK_WHOLE_SIZE},
                                                        {scene_buffers->materials().handle(), 0, VK_WHOLE_SIZE},
                                                        {views.handle(), 0, sizeof(HeddleView)}}};
   std::array<VkWriteDescriptorSet, 4> writes{};
@@ -291,21 +295,15 @@ VkDescriptorSet Executor::State::make_program_set(const vulkan::Buffer& instance
   return set;
 }
 
-Executor::State::DrawRange Executor::State::draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum,
-                                                       Placing* placing) {
+Executor::State::DrawRange Executor::State::draw_range(const scene::DrawGroup& group,
+                                                       const scene::VisibleDraws& visible, VkBuffer own) {
   constexpr std::uint64_t kStride = sizeof(VkDrawIndexedIndirectCommand);
-  const DrawRange whole{scene_buffers->commands().handle(), group.first_command * kStride, group.command_count};
-  if (!variant.culls) {
-    stats.instances_drawn += group.instance_count;
-    if (placing != nullptr) place(*placing, scene_buffers->commands_of(group));
-    return whole;
-  }
-  const scene::VisibleDraws visible = scene_buffers->visible(group, frustum);
   stats.instances_drawn += visible.drawn;
   stats.instances_culled += visible.culled;
-  if (placing != nullptr) place(*placing, visible.commands);
-  if (visible.culled == 0) return whole;
   if (visible.drawn == 0) return {};
+  if (own != VK_NULL_HANDLE && visible.drawn == group.instance_count) {
+    return {own, group.first_command * kStride, group.command_count};
+  }
   const std::uint64_t bytes = visible.commands.size() * kStride;
   if (!draw_commands || draw_command_bytes + bytes > draw_commands.size()) {
     const std::uint64_t size = std::max<std::uint64_t>({draw_commands ? draw_commands.size() * 2 : 0, bytes, 4096});
@@ -328,6 +326,10 @@ void Executor::State::write_neutral(PassState& state, const ScheduledStage& stag
     const auto found = pass.ports.find(access.port);
     if (found == pass.ports.end()) continue;
     ResourceState& target = root(found->second);
+    if (access.access == HEDDLE_ACCESS_BATCHES) {
+      set_batches(found->second, {}, 0);
+      continue;
+    }
     if (!target.image) continue;
     const AccessInfo use = access_info(access.access, PortType::kImage, graph.resources[found->second].format);
     if (!use.writes) continue;
@@ -386,6 +388,10 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     const auto found = pass.ports.find(access.port);
     if (found == pass.ports.end()) continue;
     ResourceState& target = root(found->second);
+    if (access.access == HEDDLE_ACCESS_HOST_READ && graph.resources[found->second].type == PortType::kSurfaces) {
+      reads_device = copy_contents(found->second, frame) || reads_device;
+      continue;
+    }
     if (!target.image && !target.buffer) continue;
     const Resource& resource = graph.resources[target.root];
     if (declared.is_late(access, resource.type)) {
@@ -420,6 +426,9 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     else
       device->note_host_read(mapping.staging);
   }
+  for (const heddle_frame::Contents& contents : frame.contents)
+    for (const vulkan::Buffer& copy : contents.copies)
+      if (copy) device->note_host_read(copy);
   execute_stage(state, scheduled, frame);
   for (heddle_frame::Mapping& mapping : frame.mappings) {
     if (mapping.is_written) {
@@ -473,73 +482,80 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
     return;
   }
   frame.commands = commands;
-  if (state.descriptor->record != nullptr) {
-    throw_if_failed(state, state.descriptor->record(state.object, &state.api, scheduled.stage, &frame, &info),
-                    "record");
+  const bool is_lasting = graph.is_job && keeps_artifacts() && makes_what_lasts(technique_of(state));
+  run_slices(state, scheduled, frame, info_for(pass_of(state)), is_lasting ? pass_keys[scheduled.pass] : std::string{});
+}
+
+void Executor::State::run_frame(const scene::Scene& rendered, const FrameOptions& options) {
+  const auto start = Clock::now();
+  begin_frame_memory();
+  stats.instances_drawn = stats.instances_culled = 0;
+  drawn_layers.clear();
+  looks.clear();
+  errors.clear();
+  stats.stages.clear();
+  stats.submit_ms = 0;
+  stats.stalls = 0;
+  stats.before = device->counters();
+  info.struct_size = sizeof info;
+  info.cut = options.cut || is_fresh ? 1U : 0U;
+  info.is_still = !graph.is_job && is_still(rendered, options) ? 1U : 0U;
+  info.index = frame_index;
+  info.time = options.time;
+  info.time_step = options.time_step;
+  info.seed = options.seed;
+  begin_checked_frame();
+  if (find_iterations()) {
+    if (is_continuing) info.time_step = 0;
+    begin_commands();
+    turn_histories();
+    name_resources();
+    set_scene_values(rendered);
+    count_slots.clear();
+    stats.counts.clear();
+    run_stages(options.profile);
+    stop_if_cancelled();
+    label_commands(nullptr);
+    record_barriers(barriers.at_end);
+    publish_counts();
+    submit_and_wait();
+    tell_counts();
+    frame_buffers.clear();
+    ++frame_index;
+  }
+  stats.after = device->counters();
+  stats.wall_ms = milliseconds_since(start);
+  ++stats.frame;
+  is_fresh = false;
+  has_frame = true;
+  is_outdated.clear();
+  throw_what_the_check_found();
+  const std::vector<std::string> complaints = device->take_validation_errors();
+  if (!complaints.empty()) {
+    std::vector<Diagnostic> all;
+    for (const std::string& complaint : complaints) {
+      Diagnostic diagnostic;
+      diagnostic.where.file = graph.file;
+      diagnostic.message = "the validation layer found: " + complaint;
+      all.push_back(std::move(diagnostic));
+    }
+    throw Error(HEDDLE_BUG, std::move(all));
   }
 }
 
 void Executor::render(const scene::Scene& rendered, const FrameOptions& options) {
   State& s = *state_;
-  const auto start = Clock::now();
   // Nothing of a failed frame may reach the next: its plan, values and recorded commands go.
   try {
-    if (!s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
+    s.planned_scene = &rendered;
+    const bool has_new_artifacts = s.run_jobs(rendered);
+    if (has_new_artifacts || !s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
+    s.note_content(rendered);
     if (s.is_redeclare_due()) s.redeclare();
-    s.begin_frame_memory();
-    s.stats.instances_drawn = s.stats.instances_culled = 0;
-    s.drawn_layers.clear();
-    s.looks.clear();
-    s.errors.clear();
-    s.stats.stages.clear();
-    s.stats.submit_ms = 0;
-    s.stats.stalls = 0;
-    s.stats.before = s.device->counters();
-    s.info.struct_size = sizeof s.info;
-    s.info.cut = options.cut || s.is_fresh ? 1U : 0U;
-    s.info.is_still = s.is_still(rendered, options) ? 1U : 0U;
-    s.info.index = s.frame_index;
-    s.info.time = options.time;
-    s.info.time_step = options.time_step;
-    s.info.seed = options.seed;
-    s.begin_checked_frame();
-    if (s.find_iterations()) {
-      if (s.is_continuing) s.info.time_step = 0;
-      s.begin_commands();
-      s.turn_histories();
-      s.name_resources();
-      s.set_scene_values(rendered);
-      s.count_slots.clear();
-      s.stats.counts.clear();
-      s.run_stages(options.profile);
-      s.stop_if_cancelled();
-      s.label_commands(nullptr);
-      s.record_barriers(s.barriers.at_end);
-      s.publish_counts();
-      s.submit_and_wait();
-      s.tell_counts();
-      s.frame_buffers.clear();
-      ++s.frame_index;
-    }
-    s.stats.after = s.device->counters();
-    s.stats.wall_ms = milliseconds_since(start);
-    ++s.stats.frame;
-    s.is_fresh = false;
-    s.has_frame = true;
-    s.is_outdated.clear();
-    s.throw_what_the_check_found();
-    const std::vector<std::string> complaints = s.device->take_validation_errors();
-    if (!complaints.empty()) {
-      std::vector<Diagnostic> all;
-      for (const std::string& complaint : complaints) {
-        Diagnostic diagnostic;
-        diagnostic.where.file = s.graph.file;
-        diagnostic.message = "the validation layer found: " + complaint;
-        all.push_back(std::move(diagnostic));
-      }
-      throw Error(HEDDLE_BUG, std::move(all));
-    }
+    s.planned_scene = nullptr;
+    s.run_frame(rendered, options);
   } catch (...) {
+    s.planned_scene = nullptr;
     s.commands = VK_NULL_HANDLE;
     s.previous_camera.reset();
     s.unplan();

@@ -89,8 +89,10 @@ void Executor::State::begin_frame_memory() {
   view_count = 0;
   draw_command_bytes = 0;
   group_command_count = 0;
-  program_set = VK_NULL_HANDLE;
   placings.clear();
+  program_sets.clear();
+  for (ResourceState& state : resources)
+    if (state.made) state.made->is_placed = false;
 }
 
 void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled) {
@@ -105,6 +107,7 @@ void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> be
   }
   poison_around(index, true);
   run_stage(index, before);
+  keep_lasting(index);
   sort_appended(index);
   copy_counts(index);
   scan_outputs(index);

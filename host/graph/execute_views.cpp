@@ -103,7 +103,7 @@ heddle_status find_look(const heddle_pass_host* self, heddle_frame* frame, const
     glm::dvec3 origin;
     if (const heddle_status status = read_placed(self, frame, *given, drawing, origin); status != HEDDLE_OK)
       return status;
-    std::ranges::copy(executor_of(pass).look_of(drawing).words(), out);
+    std::ranges::copy(executor_of(pass).look_of(pass, drawing).words(), out);
     return HEDDLE_OK;
   });
 }

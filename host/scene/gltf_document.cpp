@@ -15,9 +15,10 @@
 namespace heddle::scene::gltf {
 namespace {
 
-constexpr std::array<std::string_view, 8> kKnownExtensions = {
-    "HEDDLE_components",          "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior",
-    "KHR_materials_transmission", "KHR_materials_unlit", "KHR_mesh_quantization",           "KHR_texture_transform"};
+constexpr std::array<std::string_view, 9> kKnownExtensions = {
+    "HEDDLE_components",     "KHR_lights_punctual",        "KHR_materials_emissive_strength",
+    "KHR_materials_ior",     "KHR_materials_transmission", "KHR_materials_unlit",
+    "KHR_mesh_quantization", "KHR_texture_transform",      "FB_ngon_encoding"};
 
 // tinygltf walks `extras` and `extensions` by recursion; real files nest less than ten deep.
 constexpr std::uint32_t kMaximumNesting = 64;

@@ -64,6 +64,13 @@ struct Mesh {
   // numbers differ, and mean nothing where they are equal. 0: never bends.
   std::uint64_t shape = 0, previous_shape = 0;
   std::vector<HeddleVertex> previous_vertices;
+
+  // What subdivision needs to know beyond triangles. Faces as they were given, each a number of corners, drawn as a fan
+  // of triangles around its first one; empty: every triangle is a face. Creases are pairs of vertices, an isolated one
+  // a pair of the same.
+  std::vector<std::uint32_t> face_sizes;
+  std::vector<std::uint32_t> creases;  // two numbers of vertices each
+  std::vector<float> sharpness;        // of each crease
 };
 
 struct Instance {
@@ -149,6 +156,12 @@ class Scene {
   };
   mutable std::optional<Reach> reach_;
 };
+
+/// The same number: the same content and components.
+inline std::uint64_t component_revision(const Scene& scene) {
+  // Both only grow, and content revisions of two scenes are far apart: no two tables have the same number.
+  return scene.content_revision + scene.components.revision();
+}
 
 /// Direction and place of a light at a node; it shines along the node's -Z.
 void place_light(Light& light, const glm::dmat4& scene_from_node);

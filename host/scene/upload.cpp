@@ -5,7 +5,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
 #include <tuple>
 #include <utility>
 
@@ -54,21 +53,65 @@ void fill(vulkan::Device& device, vulkan::Buffer& buffer, const std::vector<Elem
 
 }  // namespace
 
+GroupedDraws group_draws(std::vector<DrawKey> keys,
+                         const std::function<VkDrawIndexedIndirectCommand(std::uint32_t)>& geometry) {
+  const auto state = [](const DrawKey& key) { return std::tie(key.flags, key.flip, key.texture_group); };
+  // Opaque before masked before blended: depth is filled before anything is tested texel by texel.
+  constexpr std::uint32_t kClasses = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_BLENDED;
+  std::sort(keys.begin(), keys.end(), [&](const DrawKey& a, const DrawKey& b) {
+    return std::tuple(a.flags & kClasses, state(a), a.geometry, a.instance) <
+           std::tuple(b.flags & kClasses, state(b), b.geometry, b.instance);
+  });
+  GroupedDraws draws;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const DrawKey& key = keys[i];
+    const auto slot = static_cast<std::uint32_t>(i);
+    const bool is_same_state = i > 0 && state(keys[i - 1]) == state(key);
+    if (!is_same_state) {
+      draws.groups.push_back(
+          {key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(draws.commands.size()), 0, slot, 0});
+    }
+    ++draws.groups.back().instance_count;
+    if (is_same_state && keys[i - 1].geometry == key.geometry) {
+      ++draws.commands.back().instanceCount;
+    } else {
+      draws.commands.push_back(geometry(key.geometry));
+      draws.commands.back().instanceCount = 1;
+      draws.commands.back().firstInstance = slot;
+      draws.geometries.push_back(key.geometry);
+      ++draws.groups.back().command_count;
+    }
+    draws.order.push_back(key.instance);
+  }
+  return draws;
+}
+
+HeddleInstance place(const Scene& scene, std::uint32_t instance, const glm::dvec3& origin, std::uint32_t material,
+                     std::uint32_t previous_vertex) {
+  const Instance& placed = scene.instances[instance];
+  HeddleInstance record{};
+  store(placed.scene_from_object, origin, record.rel_from_object);
+  store(placed.previous_scene_from_object, origin, record.previous_rel_from_object);
+  record.material = material;
+  record.object = instance;
+  record.flags = surface_flags(scene.materials.at(material).record);
+  record.flip = is_mirrored(placed) ? 1 : 0;
+  record.previous_vertex = previous_vertex;
+  return record;
+}
+
 struct SceneBuffers::State {
   State(vulkan::Device& used, VkDescriptorSetLayout layout) : device(used), textures(used, layout) {}
 
   vulkan::Device& device;
   TextureGroups textures;
   vulkan::Buffer vertices, indices, instances, materials, commands;
-  std::vector<DrawGroup> groups;
   std::vector<MeshRange> meshes;
-  std::vector<std::uint32_t> bending;  // meshes with two shapes
-  std::vector<VkDrawIndexedIndirectCommand> command_list;
-  std::vector<std::uint32_t> command_meshes;
-  std::vector<std::uint32_t> order;     // scene's instances in draw order
+  std::vector<std::uint32_t> bending;   // meshes with two shapes
+  GroupedDraws draws;                   // geometries: meshes
   InstanceBoxes boxes;                  // in draw order
   std::vector<std::uint8_t> flips;      // by scene's instance
-  std::vector<Look> looks;              // in draw order
+  std::vector<Look> looks;              // by scene's instance
   std::vector<HeddleMaterial> records;  // as uploaded
   std::uint64_t content_revision = 0, motion_revision = 0;
   glm::dvec3 origin{0.0};
@@ -79,7 +122,6 @@ struct SceneBuffers::State {
   void sort_draws(const Scene& scene);
   void upload_instances(const Scene& scene);
   void find_looks(const Scene& scene);
-  [[nodiscard]] HeddleInstance placed(const Scene& scene, std::uint32_t index, const glm::dvec3& around) const;
 };
 
 void SceneBuffers::State::upload_meshes(const Scene& scene) {
@@ -143,10 +185,10 @@ void SceneBuffers::State::upload_shapes(const Scene& scene) {
   if (!is_switched) {
     return;
   }
-  for (std::size_t i = 0; i < command_list.size(); ++i) {
-    command_list[i].vertexOffset = meshes[command_meshes[i]].vertex_offset();
+  for (std::size_t i = 0; i < draws.commands.size(); ++i) {
+    draws.commands[i].vertexOffset = meshes[draws.geometries[i]].vertex_offset();
   }
-  fill(device, commands, command_list, kCommandUsage);
+  fill(device, commands, draws.commands, kCommandUsage);
 }
 
 void SceneBuffers::State::upload_materials(const Scene& scene) {
@@ -169,91 +211,43 @@ void SceneBuffers::State::upload_materials(const Scene& scene) {
   fill(device, materials, records, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
 }
 
-/// Instances sorted by what draws must differ in; equal meshes side by side become one command, equal state one group.
 void SceneBuffers::State::sort_draws(const Scene& scene) {
-  struct Key {
-    std::uint32_t flags = 0, flip = 0, texture_group = 0, mesh = 0, instance = 0;
-    [[nodiscard]] auto state() const { return std::tie(flags, flip, texture_group); }
-    [[nodiscard]] auto all() const { return std::tie(flags, flip, texture_group, mesh, instance); }
-  };
   flips.assign(scene.instances.size(), 0);
-  std::vector<Key> keys;
-  for (std::size_t i = 0; i < scene.instances.size(); ++i) {
+  std::vector<DrawKey> keys;
+  for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
     const Instance& instance = scene.instances[i];
     flips[i] = is_mirrored(instance) ? 1 : 0;
-    if (meshes.at(instance.mesh).index_count == 0) {
-      continue;
-    }
+    if (meshes.at(instance.mesh).index_count == 0) continue;
     const HeddleMaterial& material = records.at(scene.meshes[instance.mesh].material);
-    keys.push_back(
-        {surface_flags(material), flips[i], material.texture_group, instance.mesh, static_cast<std::uint32_t>(i)});
+    keys.push_back({surface_flags(material), flips[i], material.texture_group, instance.mesh, i});
   }
-  // Opaque before masked before blended: depth is filled before anything is tested texel by texel.
-  constexpr std::uint32_t kClasses = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_BLENDED;
-  std::sort(keys.begin(), keys.end(), [](const Key& a, const Key& b) {
-    return std::pair(a.flags & kClasses, a.all()) < std::pair(b.flags & kClasses, b.all());
+  draws = group_draws(std::move(keys), [&](std::uint32_t mesh) {
+    return VkDrawIndexedIndirectCommand{meshes[mesh].index_count, 0, meshes[mesh].first_index,
+                                        meshes[mesh].vertex_offset(), 0};
   });
-
-  groups.clear();
-  order.clear();
-  command_list.clear();
-  command_meshes.clear();
-  for (std::size_t i = 0; i < keys.size(); ++i) {
-    const Key& key = keys[i];
-    const bool same_state = i > 0 && keys[i - 1].state() == key.state();
-    if (!same_state) {
-      groups.push_back({key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(command_list.size()), 0,
-                        static_cast<std::uint32_t>(i), 0});
-    }
-    ++groups.back().instance_count;
-    if (same_state && keys[i - 1].mesh == key.mesh) {
-      ++command_list.back().instanceCount;
-    } else {
-      const MeshRange& range = meshes[key.mesh];
-      command_list.push_back(
-          {range.index_count, 1, range.first_index, range.vertex_offset(), static_cast<std::uint32_t>(i)});
-      command_meshes.push_back(key.mesh);
-      ++groups.back().command_count;
-    }
-    order.push_back(key.instance);
-  }
-  fill(device, commands, command_list, kCommandUsage);
+  fill(device, commands, draws.commands, kCommandUsage);
 }
 
 void SceneBuffers::State::upload_instances(const Scene& scene) {
   std::vector<HeddleInstance> list;
   std::vector<Box> list_boxes;
-  list.reserve(order.size());
-  list_boxes.reserve(order.size());
-  for (const std::uint32_t index : order) {
-    list.push_back(placed(scene, index, origin));
-    list_boxes.push_back(bounding_box(scene.meshes[scene.instances[index].mesh].bounds, list.back()));
+  list.reserve(draws.order.size());
+  list_boxes.reserve(draws.order.size());
+  for (const std::uint32_t index : draws.order) {
+    const std::uint32_t mesh = scene.instances[index].mesh;
+    list.push_back(place(scene, index, origin, scene.meshes[mesh].material, meshes[mesh].steps_to_previous()));
+    list_boxes.push_back(bounding_box(scene.meshes[mesh].bounds, list.back()));
   }
   boxes.assign(std::move(list_boxes));
   fill(device, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
 }
 
-HeddleInstance SceneBuffers::State::placed(const Scene& scene, std::uint32_t index, const glm::dvec3& around) const {
-  const Instance& instance = scene.instances[index];
-  HeddleInstance record{};
-  store(instance.scene_from_object, around, record.rel_from_object);
-  store(instance.previous_scene_from_object, around, record.previous_rel_from_object);
-  record.material = scene.meshes[instance.mesh].material;
-  record.object = index;
-  record.flags = surface_flags(records[record.material]);
-  record.flip = flips[index];
-  record.previous_vertex = meshes[instance.mesh].steps_to_previous();
-  return record;
-}
-
 void SceneBuffers::State::find_looks(const Scene& scene) {
   looks.clear();
-  for (const std::uint32_t index : order) {
-    const Instance& instance = scene.instances[index];
+  for (const Instance& instance : scene.instances) {
     Look look;
-    look.add(index);
     look.add(instance.mesh);
-    look.add(scene.meshes[instance.mesh].shape);
+    look.add(scene.meshes.at(instance.mesh).shape);
     for (int column = 0; column < 4; ++column)
       for (int row = 0; row < 4; ++row) look.add(std::bit_cast<std::uint64_t>(instance.scene_from_object[column][row]));
     looks.push_back(look);
@@ -313,25 +307,22 @@ const vulkan::Buffer& SceneBuffers::commands() const {
   return state_->commands;
 }
 std::span<const DrawGroup> SceneBuffers::groups() const {
-  return state_->groups;
-}
-HeddleInstance SceneBuffers::placed(const Scene& scene, std::uint32_t place, const glm::dvec3& origin) const {
-  return state_->placed(scene, state_->order.at(place), origin);
+  return state_->draws.groups;
 }
 std::span<const Look> SceneBuffers::looks() const {
   return state_->looks;
 }
-std::span<const VkDrawIndexedIndirectCommand> SceneBuffers::commands_of(const DrawGroup& group) const {
-  return std::span(state_->command_list).subspan(group.first_command, group.command_count);
-}
 std::span<const std::uint32_t> SceneBuffers::order() const {
-  return state_->order;
+  return state_->draws.order;
 }
 const MeshRange& SceneBuffers::mesh(std::uint32_t index) const {
   return state_->meshes.at(index);
 }
-VisibleDraws SceneBuffers::visible(const DrawGroup& group, const Frustum& frustum) const {
-  return cull(commands_of(group), state_->boxes, frustum);
+DrawList SceneBuffers::draws() const {
+  return {state_->draws.groups, state_->draws.commands, state_->draws.order, &state_->boxes};
+}
+std::uint32_t SceneBuffers::texture_group(std::uint32_t material) const {
+  return state_->records.at(material).texture_group;
 }
 VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
   return state_->textures.set(texture_group);

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // A surface point, every light and the environment -> radiance towards the viewer: one text for all passes that light
-// surfaces, so that they agree. After pass.glsl of a shader that has the port `lights` and calls surface_material, shadow
-// and sky. Equations (1) to (6) of lighting/deferred's README.
-// One iteration a light. A driver that ends loops after 65,535 iterations (lavapipe) allows 65,535 lights less what the
-// shadow techniques loop: with 32 taps a light, 1985 lights.
+// surfaces, so that they agree. After pass.glsl of a shader that has the port `lights` and calls light_assignment,
+// surface_material, shadow and sky. Equations (1) to (6) of lighting/deferred's README.
+// One iteration a light that light_assignment lets it meet: without a technique of that role every light. A driver that
+// ends loops after 65,535 iterations (lavapipe) allows 65,535 lights less what the shadow techniques loop: with 32 taps a
+// light, 1985 lights.
 #ifndef HEDDLE_SHARED_SHADE_SURFACE_GLSL
 #define HEDDLE_SHARED_SHADE_SURFACE_GLSL
+#include "role/light_assignment.glsl"
 #include "role/surface_material.glsl"
 #include "role/shadow.glsl"
 #include "role/sky.glsl"
@@ -60,11 +62,13 @@ vec3 normal_towards_viewer(vec3 N, vec3 V) {
   return NoV < 0.0 ? normalize(N - V * NoV) : N;
 }
 
-// Reflected radiance towards V, cd/m^2, without emission. `normal`: the geometric one, for shadows. `open`: share of the
-// environment that is not occluded.
-vec3 shade_surface(SurfacePoint point, vec3 position_rel, vec3 N, vec3 normal, vec3 V, float open) {
+// Reflected radiance towards V, cd/m^2, without emission. `raster_px`: where the camera sees position_rel. `normal`: the
+// geometric one, for shadows. `open`: share of the environment that is not occluded.
+vec3 shade_surface(SurfacePoint point, vec2 raster_px, vec3 position_rel, vec3 N, vec3 normal, vec3 V, float open) {
   vec3 sum = vec3(0.0);
-  for (uint i = 0u; i < uint(lights.length()); ++i) {
+  LightIterator iterator = begin_lights(uint(lights.length()), raster_px, position_rel);
+  while (next_light(iterator)) {
+    uint i = iterator.light;
     HeddleLight light = lights[i];
     LightArrival arrival = light_arrival(light, position_rel);
     if (all(equal(arrival.irradiance, vec3(0.0)))) continue;

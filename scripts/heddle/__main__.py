@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in Python.
+"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in
+Python; `python3 -m heddle study ...`: experiments.
 
 A scene file defines `build(scene)`, called with an empty heddle.Scene, and if things move `update(scene, time)`.
 """
@@ -18,7 +19,8 @@ import traceback
 from collections.abc import Callable, Iterable
 from time import sleep, time_ns
 
-from . import Error, Graph, Host, Scene, version
+from . import Error, Graph, Host, Job, Scene, version
+from . import compare as heddle_compare
 from ._library import CANCELLED
 
 Update = Callable[[Scene, float], None]
@@ -97,12 +99,12 @@ def scene_error(path: pathlib.Path, where: str, error: BaseException) -> Error:
     return Error(error.status if isinstance(error, Error) else 2, text)
 
 
-def write_file(file: str, text: str) -> None:
+def write_file(file: str, contents: str | bytes) -> None:
     """Under a temporary name in the same folder, then renamed: the file is whole or not there."""
     path = pathlib.Path(file)
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        partial.write_text(text)
+        partial.write_bytes(contents.encode() if isinstance(contents, str) else contents)
         partial.replace(path)
     except OSError as error:
         partial.unlink(missing_ok=True)
@@ -223,19 +225,78 @@ def times_of(frame_ms: list[float]) -> dict:
 def run(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
     graph_file = graph_file or default_graph(arguments)
-    if arguments.check:  # what a frame leaves to the next one comes round in the third
-        arguments.frames = max(arguments.frames, 3)
-    with open_host(arguments, arguments.check) as host, host.graph(graph_file, arguments.set) as graph:
+    with open_host(arguments, arguments.check) as host, host._weave(graph_file, arguments.set) as graph:
+        if isinstance(graph, Job):
+            return run_job(arguments, host, graph, scene_file)
+
+        def render(scene: Scene, update: Update) -> None:
+            render_frames(arguments, host, graph, scene, update, outputs)
+
+        if arguments.check:  # what a frame leaves to the next one comes round in the third
+            arguments.frames = max(arguments.frames, 3)
         outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or ["heddle.png"]]
         for port, _ in outputs:
             if port is not None:
                 graph.keep(port)
         if arguments.watch:
-            watch(arguments, host, graph, scene_file, outputs)
+            watch(arguments, host, graph, scene_file, render)
         else:
-            scene, update = make_scene(arguments, host, scene_file)
-            render_frames(arguments, host, graph, scene, update, outputs)
+            render(*make_scene(arguments, host, scene_file))
     return 0
+
+
+def run_job(arguments: argparse.Namespace, host: Host, job: Job, scene_file: str | None) -> int:
+    """What the job leaves, its outputs and reports. Answers 1 if a report has an error."""
+    if arguments.profile or arguments.frames != 1:
+        raise Error(2, f"error: {'--profile' if arguments.profile else '--frames'} is for graphs of frames, and "
+                       f"'{job.describe()['file']}' is a job: it runs once")
+    description = job.describe()
+    types = {port["name"]: port["type"] for port in description["ports"]}
+    left = [name for name, type in types.items() if type in ("artifact", "report") and "#" not in name]
+    outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or []]
+    for output in outputs:
+        output[0] = output[0] or description["output"] or (left[0] if len(left) == 1 else None)
+        if output[0] is None:
+            raise Error(2, f"error: the job leaves {len(left)} things, and --output names none of them\n"
+                           f"  expected: PASS.PORT=FILE with one of {', '.join(left)}")
+        if types.get(output[0]) not in ("artifact", "report"):
+            job.keep(output[0])
+    if arguments.watch:
+        watch(arguments, host, job, scene_file,
+              lambda scene, update: make_outputs(arguments, host, job, types, outputs, scene, update))
+    return make_outputs(arguments, host, job, types, outputs, *make_scene(arguments, host, scene_file))
+
+
+def make_outputs(arguments: argparse.Namespace, host: Host, job: Job, types: dict[str, str], outputs: list[list], scene: Scene,
+                 update: Update) -> int:
+    """Runs the job, writes its outputs and says what it left. Answers the exit status."""
+    update(scene, arguments.time)
+    result = job.run(scene, arguments.time, arguments.seed)
+    reports = {report["name"]: report["rows"] for report in result["reports"]}
+    for port, file in outputs:
+        stop_if_asked()
+        pathlib.Path(file).parent.mkdir(parents=True, exist_ok=True)
+        if port in reports:
+            write_file(file, json.dumps(reports[port], indent=2) + "\n")
+        elif types[port] == "artifact":
+            write_file(file, job.artifact(port))
+        else:
+            host.write_image(file, job.read(port))
+        say(arguments, f"wrote {file}")
+    for name, rows in reports.items():
+        for row in rows:
+            values = ", ".join(f"{key} {value if isinstance(value, str) else json.dumps(value)}"
+                               for key, value in row["values"].items())
+            print(f"{name}: {row['level']}: {row['message']}" + (f" ({values})" if values else ""))
+    if arguments.stats == "-":
+        print(json.dumps(result, indent=2))
+    elif arguments.stats:
+        write_file(arguments.stats, json.dumps(result, indent=2) + "\n")
+    for artifact in result["artifacts"]:
+        origin = "from the cache" if artifact["origin"] == "cache" else "made"
+        say(arguments, f"artifact '{artifact['name']}': {origin}, {artifact['bytes'] / 2**20:.1f} MiB, "
+                       f"{artifact['file'] or 'kept nowhere'}")
+    return 1 if result["errors"] else 0
 
 
 def make_scene(arguments: argparse.Namespace, host: Host, file: str | None) -> tuple[Scene, Update]:
@@ -286,6 +347,11 @@ def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene
         is_complete = loop["done"] == loop["total"]
         say(arguments, f"loop of pass '{loop['pass']}': {loop['done']} of {loop['total']} iterations" +
             ("" if is_complete else "; more --frames go on where nothing changes, as with --time-step 0"))
+    for artifact in stats["artifacts"]:
+        name = (f"'{artifact['job']}#{artifact['pass']}.{artifact['port']}'" if "job" in artifact
+                else f"of pass '{artifact['pass']}', {artifact['stage']}")
+        say(arguments, f"artifact {name}: {'from the cache' if artifact['origin'] == 'cache' else 'made'}, "
+                       f"{artifact['bytes'] / 2**20:.1f} MiB")
     memory = stats["memory"]
     say(arguments, f"frame {arguments.frames} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms; transient memory "
                    f"{memory['transient_bytes'] / 2**20:.1f} MiB "
@@ -298,7 +364,8 @@ def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene
                        "{passes_kept} and {pipelines_kept} kept".format(**stats["plan"]))
 
 
-def watch(arguments: argparse.Namespace, host: Host, graph: Graph, scene_file: str | None, outputs: list[list]) -> None:
+def watch(arguments: argparse.Namespace, host: Host, graph: Graph | Job, scene_file: str | None,
+          render: Callable[[Scene, Update], object]) -> None:
     """Renders, and again whenever a file changes that the picture was made of, until it is stopped. What fails is said,
     and what was written before stays."""
     made: tuple[Scene, Update] | None = None
@@ -320,7 +387,7 @@ def watch(arguments: argparse.Namespace, host: Host, graph: Graph, scene_file: s
                 graph.reload()
                 is_graph_due = False
             assert made is not None  # is_scene_due began true
-            render_frames(arguments, host, graph, *made, outputs)
+            render(*made)
             graph_files = set(graph.files())
             scene_files |= set(made[0].files()) | imported_files(scene_file)
         except Error as error:
@@ -455,12 +522,12 @@ def compare(arguments: argparse.Namespace) -> int:
                     host.write_image(folder / f"{pass_name}_{name}_port.png", image)
                     print(f"wrote {folder / f'{pass_name}_{name}_port.png'}")
             difference = folder / f"{pass_name}_difference.png"
-            metrics = host.compare(images[0], images[1], difference)
+            host.compare(images[0], images[1], difference)
             print(f"wrote {difference}")
             print(f"{arguments.port or 'output'}: {names[0]} against {names[1]}")
-            for key, formula in METRICS.items():
-                value = metrics[key]
-                print(f"  {key:<16} {'infinite' if value is None else format(value, '.6g'):>12}   {formula}")
+            for key, metric in heddle_compare(images[0], images[1], arguments.metric or None).items():
+                value = metric["value"]
+                print(f"  {key:<16} {'infinite' if value is None else format(value, '.6g'):>12}   {metric['formula']}")
             print(f"median frame time of {arguments.repeats} interleaved frames each:")
             for name, values in zip(names, times):
                 print(f"  {name:<16} {statistics.median(values):10.2f} ms   ({min(values):.2f} to {max(values):.2f})")
@@ -470,11 +537,10 @@ def compare(arguments: argparse.Namespace) -> int:
     return 0
 
 
-METRICS = {
-    "rmse": "sqrt(mean (a-b)^2)", "mse": "mean (a-b)^2", "relmse": "mean (a-b)^2 / (b^2 + 0.01)",
-    "psnr": "10 log10(1 / mse), dB", "mean_difference": "mean (a-b)", "maximum": "max |a-b|",
-    "percentile_99": "99th percentile of |a-b|",
-}
+def study(arguments: argparse.Namespace) -> int:
+    from .study_run import run_study
+
+    return run_study(arguments, stop_if_asked)
 
 
 def say(arguments: argparse.Namespace, text: str) -> None:
@@ -537,8 +603,25 @@ def main() -> int:
         else:
             command.add_argument("--swap", required=True, help="PASS=A,B; B is the reference")
             command.add_argument("--port", help="compare this port, PASS.PORT, not the output")
+            command.add_argument("--metric", action="append", default=[], help="only this one, repeatable")
             command.add_argument("--folder", default="out")
             command.add_argument("--repeats", type=int, default=3)
+    command = commands.add_parser("study", help="measure error and time of techniques over their knobs")
+    command.set_defaults(body=study)
+    command.add_argument("files", nargs="*", help="a study (.toml), or the name of a shipped one; with --role: scenes")
+    command.add_argument("--role", help="study all techniques of this role over all their knobs, without a file")
+    command.add_argument("--set", action="append", default=[], help="with --role: change the graph: extent=[320,180]")
+    command.add_argument("--folder", help="where results go (default: out/NAME of the study)")
+    command.add_argument("--device", help="part of a device's name, or its index")
+    command.add_argument("--rounds", type=int, help="instead of the file's: more rounds see smaller differences")
+    command.add_argument("--budget", type=float, help="minutes; a study that would take longer says so and ends before it "
+                                                      "times anything")
+    command.add_argument("--timeout", type=float, default=300, help="seconds after which a variant that does not answer "
+                                                                    "counts as hung")
+    command.add_argument("--dry-run", action="store_true", help="check the file, say what would be measured, render nothing")
+    command.add_argument("--gate", action="store_true", help="exit status 1 if anything is worse than the first variant, 2 if "
+                                                             "undecided, else 0")
+    command.add_argument("--quiet", "-q", action="store_true")
     arguments = parser.parse_args()
     stop_on_signals()
     try:

@@ -33,7 +33,7 @@ constexpr heddle_access kShade[] = {
 };
 constexpr heddle_stage kStages[] = {gpu_stage("shade", kShade)};
 constexpr heddle_shader kShaders[] = {
-    fullscreen_shader("shade", "shade", "shade.frag.glsl", "surface_material shadow sky"),
+    fullscreen_shader("shade", "shade", "shade.frag.glsl", "light_assignment surface_material shadow sky"),
 };
 
 struct Deferred {
