@@ -115,6 +115,35 @@ TEST(PlacedDrawing, LooksTheSameUntilSomethingInItsViewChanges) {
   EXPECT_FALSE(has_changed());
 }
 
+TEST(PlacedDrawing, SeesWhatTechniquesMakeAndPlace) {
+  const auto text = [](const std::string& technique, const std::string& more) {
+    return graph_text().insert(
+        graph_text().find("[[pass]]"),
+        "[[pass]]\nname = \"make\"\nrole = \"made\"\ntechnique = \"" + technique + "\"\n" + more);
+  };
+  Scene scene;
+  add_plate(scene, 0, 0);
+  // What the scene places: the same in every byte, wherever the camera is.
+  Graph plain(graph_text()), copied(text("copies", ""));
+  for (const dvec3& camera : {dvec3(0, 5, 0), dvec3(1e6, 3, -1e6)}) {
+    scene.look(camera, camera + dvec3(0, -0.1, -1));
+    EXPECT_EQ(copied.image(scene).pixels, plain.image(scene).pixels) << text_of(camera);
+  }
+  EXPECT_EQ(counted(plain, "changes"), 0U);
+  EXPECT_EQ(counted(copied, "changes"), 1U) << "the technique says nothing of what lasts";
+  // What the GPU places, relative to the camera: at its place in the scene, up to float32 at the camera.
+  Graph listed(text("listed", "params.count = 1\nparams.place = [5, 0.25, 7]\n"));
+  listed.set("placed.params.origin=[5, 0, 7]");
+  listed.set("placed.params.front=true");
+  for (const dvec3& camera : {dvec3(5, 5, 7), dvec3(5, 2, 100), dvec3(-1000, 3, 20)}) {
+    scene.look(camera, camera + dvec3(0, -0.1, -1));
+    const Image image = listed.image(scene);
+    EXPECT_EQ(image.at(8, 6, 3), 1.0F) << text_of(camera);
+    EXPECT_EQ(image.at(0, 0, 3), -1.0F) << text_of(camera);
+    EXPECT_EQ(counted(listed, "changes"), 1U);
+  }
+}
+
 TEST(PlacedDrawing, KnowsTheLightsOfTheSceneAlone) {
   Scene scene;
   add_plate(scene, 0, 0);

@@ -14,6 +14,7 @@ constexpr heddle_port kPorts[] = {
 constexpr heddle_parameter kParameters[] = {
     triple("origin", "m", -1e9, 1e9, {0, 0, 0}, "of the drawing, in the scene"),
     integer("tile", "1", 0, 1, 0, "left or right half"),
+    toggle("front", false, "looks along -Z, not down"),
     toggle("clears", true, "heddle_placed_draw.clears"),
     integer("mistake", "1", 0, 3, 0, "1: no view; 2: an order; 3: another port"),
 };
@@ -21,11 +22,12 @@ constexpr heddle_access kDraw[] = {drawn("surfaces"), color_cleared("color", {-1
 constexpr heddle_stage kStages[] = {gpu_stage("draw", kDraw)};
 constexpr heddle_shader kShaders[] = {surfaces_shader("positions", "draw", "positions.frag.glsl")};
 
-/// Orthographic, 2 m wide, 100 m deep, looking down.
-HeddleView from_above() {
+/// Orthographic, 2 m wide, 100 m deep: down, or from the front along -Z.
+HeddleView view_of(bool is_from_front) {
   HeddleView view{};
-  const float clip_from_rel[16] = {1, 0, 0, 0, 0, 0, 0.01F, 0, 0, 1, 0, 0, 0, 0, 0.5F, 1};
-  for (int i = 0; i < 16; ++i) view.clip_from_rel[i] = clip_from_rel[i];
+  const float down[16] = {1, 0, 0, 0, 0, 0, 0.01F, 0, 0, 1, 0, 0, 0, 0, 0.5F, 1};
+  const float from_front[16] = {1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 0.01F, 0, 0, 0, 0.5F, 1};
+  for (int i = 0; i < 16; ++i) view.clip_from_rel[i] = is_from_front ? from_front[i] : down[i];
   view.is_orthographic = 1;
   return view;
 }
@@ -56,7 +58,7 @@ struct Placed {
     const auto views = Views::of(frame);
     if (!views) return HEDDLE_UNSUPPORTED;
     const std::int32_t mistake = host.integer("mistake");
-    const HeddleView view = from_above();
+    const HeddleView view = view_of(host.toggle("front"));
     heddle_draw drawing = Frame::drawing("positions", mistake == 3 ? "color" : "surfaces");
     if (mistake != 1) drawing.view = &view;
     if (mistake == 2) drawing.order = HEDDLE_ORDER_BACK_TO_FRONT;
