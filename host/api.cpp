@@ -228,6 +228,10 @@ heddle_status heddle_create(const heddle_host_options* options, heddle_host** ou
     host->device_name = text_or_empty(chosen.device);
     host->validation = (chosen.flags & HEDDLE_HOST_VALIDATION) != 0;
     host->check = (chosen.flags & HEDDLE_HOST_CHECK) != 0;
+    if (host->check && (chosen.flags & HEDDLE_HOST_LIVE) != 0) {
+      throw Error(HEDDLE_BAD_INPUT, "a host that checks its frames cannot be live",
+                  "leave out one of the two: what is proven is proven of frames that repeat");
+    }
     std::vector<std::filesystem::path> folders;
     if (chosen.plugin_path != nullptr) {
       folders = split_path(chosen.plugin_path);
@@ -241,7 +245,7 @@ heddle_status heddle_create(const heddle_host_options* options, heddle_host** ou
         *host->registry, [raw = host.get()]() -> heddle::vulkan::Device& { return raw->open_device(); }, cache,
         host->log, &host->is_cancelled, host->progress,
         heddle::graph::ArtifactCache(cache.empty() ? cache : cache / "artifacts", kMostArtifactBytes),
-        (chosen.flags & HEDDLE_HOST_REMAKE) != 0, host->check});
+        (chosen.flags & HEDDLE_HOST_REMAKE) != 0, host->check, (chosen.flags & HEDDLE_HOST_LIVE) != 0});
     *out = host.release();
   });
 }
@@ -604,6 +608,12 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
     const heddle::graph::FrameStats& stats = graph->executor->stats();
     Json json{
         {"frames", stats.frame}, {"wall_ms", stats.wall_ms}, {"submit_ms", stats.submit_ms}, {"stalls", stats.stalls}};
+    const auto waits_json = [](const heddle::graph::WaitStats& waits) {
+      return Json{{"waits", waits.waits}, {"reads", waits.late_reads}, {"stale", waits.stale_reads}};
+    };
+    json["late"] = waits_json(stats.waits);
+    json["late"]["mode"] = graph->host->services->is_live ? "live" : "repeatable";
+    json["late"]["total"] = waits_json(stats.total_waits);
     json["stages"] = Json::array();
     for (const auto& stage : stats.stages) {
       json["stages"].push_back(

@@ -26,6 +26,12 @@ typedef struct heddle_graph heddle_graph;
  * for looking. Render three frames, so that what one leaves to the next has come round. */
 #define HEDDLE_HOST_CHECK 2u
 #define HEDDLE_HOST_REMAKE 4u /* artifacts that the cache holds are made again, and replaced */
+/* Nothing waits for the GPU that need not: heddle_render submits its frame and returns, while up to two frames before it
+ * may still run, and a cpu stage with latency k takes the copy of k frames ago if it is there, else the newest before
+ * that that is. Frames then depend on time, and no bytes are promised. What is asked of a frame (heddle_read,
+ * heddle_inspect) waits for it; so do frames whose scene has other meshes or materials than the last. Not together with
+ * HEDDLE_HOST_CHECK. Without it, frames are repeatable: every copy arrives exactly k frames later. */
+#define HEDDLE_HOST_LIVE 8u
 
 typedef struct heddle_host_options {
   uint32_t struct_size;
@@ -188,6 +194,11 @@ HEDDLE_EXPORT heddle_status heddle_scene_set_instance(heddle_scene* scene, uint3
                                                       const double scene_from_object[16]);
 /* Changes a light; it keeps its id and name. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_light(heddle_scene* scene, uint32_t id, const heddle_light* light);
+/* An image that a light of type HEDDLE_LIGHT_RECTANGLE shines with: its radiance at a point is its intensity times the
+ * texel there. Seen from the lit side, tangent points to the image's right and direction x tangent to its top. 1, 3 or 4
+ * channels (the fourth is ignored), linear Rec.709, finite, 0 or above; copied. NULL: none. HEDDLE_BAD_INPUT names the
+ * first texel that is wrong. The light keeps it through heddle_scene_set_light. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_set_light_texture(heddle_scene* scene, uint32_t id, const heddle_image* image);
 /* Moves a camera. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_t id, const heddle_camera* camera);
 /* The scene's environment; NULL: none. Seen by graphs with a technique that reads it, sky/environment_map.
@@ -286,7 +297,7 @@ typedef struct heddle_render_options {
   uint32_t reserved;
 } heddle_render_options;
 
-/* Renders one frame and waits for it; what moved since the last frame has then arrived. The scene is posed at the
+/* Renders one frame and waits for it (but see HEDDLE_HOST_LIVE); what moved since the last frame has then arrived. The scene is posed at the
  * options' time first; options may be NULL: no options, and the scene as it is posed. After a cut, and in
  * a graph's first frame, nothing has moved. A graph with loops, such as progressive supersampling, that are complete
  * submits nothing while nothing changes. [main-thread] */
@@ -323,7 +334,9 @@ HEDDLE_EXPORT heddle_status heddle_read(heddle_graph* graph, const char* port, u
 HEDDLE_EXPORT heddle_status heddle_read_into(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
                                              float* pixels, uint64_t capacity, heddle_image* out);
 /* Of the last frame: wall time, pass times if profiled, counters of commands and pipelines, instances drawn and culled,
- * capacity, count and overflow of lists, memory with and without aliasing, libraries opened. "artifacts": of each stage that
+ * capacity, count and overflow of lists, memory with and without aliasing, libraries opened. "late": {"mode": "repeatable"
+ * or "live", "waits": how often the host waited for the GPU, "reads": copies that stages with latency read, "stale": those
+ * of them that were older than they should be, "total": the same since the graph was loaded}. "artifacts": of each stage that
  * is cached, where what it made last came from, since the graph was loaded: {"pass", "stage", "origin": "made" or "cache", "key",
  * "file" ("" if it could not be kept), "bytes"}; and of each artifact of a job that an input names, {"job": "links.toml",
  * "pass", "port", ...}. JSON. [main-thread] */

@@ -25,14 +25,8 @@
 //     heddle_status record(const Frame& frame) { return frame.dispatch_over("blur", "color"); }
 //   };
 //
-//   constexpr heddle_technique kBlur = [] {
-//     heddle_technique t = technique<Blur>("display/blur", "A box blur", "folklore");
-//     t.ports = list(kPorts, t.port_count);
-//     t.parameters = list(kParameters, t.parameter_count);
-//     t.stages = list(kStages, t.stage_count);
-//     t.shaders = list(kShaders, t.shader_count);
-//     return t;
-//   }();
+//   constexpr heddle_technique kBlur =
+//       technique<Blur>("display/blur", "A box blur", "folklore", kPorts, kParameters, kStages, kShaders);
 //   }  // namespace
 //   HEDDLE_PLUGIN(kBlur)
 //
@@ -862,6 +856,40 @@ constexpr heddle_technique technique(const char* id, const char* title, const ch
                   pass.load_state(frame, state);
                 })
     t.load_state = &Thunks::load_state;
+  return t;
+}
+
+namespace detail {
+
+template <std::size_t kCount>
+constexpr void put(heddle_technique& t, const heddle_port (&ports)[kCount]) {
+  t.ports = list(ports, t.port_count);
+}
+template <std::size_t kCount>
+constexpr void put(heddle_technique& t, const heddle_parameter (&parameters)[kCount]) {
+  t.parameters = list(parameters, t.parameter_count);
+}
+template <std::size_t kCount>
+constexpr void put(heddle_technique& t, const heddle_stage (&stages)[kCount]) {
+  t.stages = list(stages, t.stage_count);
+}
+template <std::size_t kCount>
+constexpr void put(heddle_technique& t, const heddle_shader (&shaders)[kCount]) {
+  t.shaders = list(shaders, t.shader_count);
+}
+template <std::size_t kCount>
+constexpr void put(heddle_technique& t, const heddle_function (&functions)[kCount]) {
+  t.functions = list(functions, t.function_count);
+}
+
+}  // namespace detail
+
+/// The same with its tables: kPorts, kParameters, kStages, kShaders, kFunctions, those that there are, in any order.
+template <typename Pass, typename... Tables>
+requires(sizeof...(Tables) > 0 && (std::is_array_v<Tables> && ...)) constexpr heddle_technique
+    technique(const char* id, const char* title, const char* source, const Tables&... tables) {
+  heddle_technique t = technique<Pass>(id, title, source);
+  (detail::put(t, tables), ...);
   return t;
 }
 

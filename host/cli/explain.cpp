@@ -45,6 +45,7 @@ void add_explain(CLI::App& app, int* exit_status) {
   arguments->add_to(*command);
   command->add_option("--format", arguments->format, "text, json or dot")
       ->check(CLI::IsMember({"text", "json", "dot"}));
+  command->add_flag("--live", arguments->host.live, "as heddle run --live does it");
   command->add_option("--why", arguments->pass,
                       "explain one PASS: why it runs or does not, why it stands where it stands, and where each of its "
                       "settings comes from; text or json");

@@ -130,9 +130,15 @@ void render_frames(const RunArguments& arguments, heddle_host* host, heddle_grap
   }
   say(arguments.host,
       fmt::format("frame {} on {}: {:.1f} ms; transient memory {:.1f} MiB ({:.1f} MiB without aliasing)",
-                  arguments.frames, parsed["device"]["name"].get<std::string>(), parsed["wall_ms"].get<double>(),
+                  arguments.frames - 1, parsed["device"]["name"].get<std::string>(), parsed["wall_ms"].get<double>(),
                   parsed["memory"]["transient_bytes"].get<double>() / 1048576.0,
                   parsed["memory"]["transient_bytes_without_aliasing"].get<double>() / 1048576.0));
+  if (arguments.host.live) {
+    const Json& total = parsed["late"]["total"];
+    say(arguments.host, fmt::format("live: {} of {} late reads were stale; the host waited for the GPU {} times",
+                                    total["stale"].get<std::uint64_t>(), total["reads"].get<std::uint64_t>(),
+                                    total["waits"].get<std::uint64_t>()));
+  }
   if (parsed["run"].contains("median_ms"))
     say(arguments.host,
         fmt::format("{} frames: first {:.1f} ms; then median {:.1f} ms ({:.1f} to {:.1f})", arguments.frames,
@@ -208,6 +214,9 @@ void add_run(CLI::App& app, int* exit_status) {
       "--watch", arguments->watch,
       "stay, and render again when a file changes that the picture was made of: graphs, shaders, plugins, "
       "roles, scenes, images; on an error the last good picture stays");
+  command->add_flag("--live", arguments->host.live,
+                    "wait for no frame before the next one: cpu stages take the newest copy of the GPU's work that is "
+                    "there, and bytes may differ from run to run");
   command->add_flag("--remake", arguments->host.remake,
                     "make artifacts again that the cache holds, and replace them; --stats names their files");
   command->add_flag(

@@ -181,15 +181,14 @@ class Template {
           "}}\n}};\n",
           type, outputs().front()->name);
     }
+    std::string tables;
+    if (!ports_.empty()) tables += ", kPorts";
+    if (has_shader_) tables += ", kStages, kShaders";
+    if (has_function_) tables += ", kFunctions";
     text += fmt::format(
         "\nconstexpr heddle_technique kTechnique = [] {{\n  heddle_technique t =\n      technique<{}>(\"{}\",\n"
-        "                {},\n                \"author, year, title\", {});\n",
-        type, id(), c_literal(text_of(role_, "title")), role_["revision"].get<int>());
-    if (!ports_.empty()) text += "  t.ports = list(kPorts, t.port_count);\n";
-    if (has_shader_) {
-      text += "  t.stages = list(kStages, t.stage_count);\n  t.shaders = list(kShaders, t.shader_count);\n";
-    }
-    if (has_function_) text += "  t.functions = list(kFunctions, t.function_count);\n";
+        "                {},\n                \"author, year, title\"{});\n  t.role_revision = {};\n",
+        type, id(), c_literal(text_of(role_, "title")), tables, role_["revision"].get<int>());
     return text + "  return t;\n}();\n\n}  // namespace\n\nHEDDLE_PLUGIN(kTechnique)\n";
   }
 

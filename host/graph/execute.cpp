@@ -23,12 +23,10 @@ Executor::~Executor() {
   if (s.device == nullptr) return;
   const heddle_vulkan& vk = s.device->table();
   s.scene_buffers.reset();
-  s.views = {};
-  for (VkDescriptorPool pool : s.descriptor_pools) vk.DestroyDescriptorPool(vk.device, pool, nullptr);
+  s.destroy_frame_memory(s);
+  for (FrameMemory& memory : s.spare) s.destroy_frame_memory(memory);
   vk.DestroyDescriptorSetLayout(vk.device, s.materials_layout, nullptr);
   vk.DestroyDescriptorSetLayout(vk.device, s.program_layout, nullptr);
-  vk.DestroyCommandPool(vk.device, s.command_pool, nullptr);
-  vk.DestroyFence(vk.device, s.fence, nullptr);
 }
 
 void Executor::keep(std::string_view resource) {
@@ -146,8 +144,8 @@ std::string Executor::with_plan(const std::function<std::string()>& body) {
 std::string Executor::explain(std::string_view format) {
   State& s = *state_;
   return with_plan([&]() -> std::string {
-    if (format == "text") return explain_text(s.graph, s.order, s.placement, s.barriers);
-    if (format == "json") return explain_json(s.graph, s.order, s.placement, s.barriers);
+    if (format == "text") return explain_text(s.graph, s.order, s.placement, s.barriers, s.services.is_live);
+    if (format == "json") return explain_json(s.graph, s.order, s.placement, s.barriers, s.services.is_live);
     if (format == "dot") return explain_dot(s.graph, s.order);
     throw Error(HEDDLE_BAD_INPUT, fmt::format("unknown format '{}' of an explanation", format),
                 "one of text, json, dot");

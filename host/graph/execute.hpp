@@ -27,6 +27,7 @@ struct HostServices {
   ArtifactCache artifacts{{}, 0};
   bool remakes_artifacts = false;  // makes them even if the cache has them
   bool checks = false;             // HEDDLE_HOST_CHECK
+  bool is_live = false;            // frames are submitted and not waited for; late copies may be older than they should
 };
 
 /// Of the frame, from its top left.
@@ -92,11 +93,19 @@ struct CountStats {
   std::uint64_t count = 0;
 };
 
+/// What there was to wait for.
+struct WaitStats {
+  std::uint64_t waits = 0;        // of the host, for the GPU
+  std::uint64_t late_reads = 0;   // copies that stages with latency read
+  std::uint64_t stale_reads = 0;  // of these: older than `latency` frames, because that copy was not there yet
+};
+
 struct FrameStats {
   std::uint64_t frame = 0;
-  double wall_ms = 0;             // recording and running
+  double wall_ms = 0;             // recording and running; live: recording
   double submit_ms = 0;           // from the first submission to the last fence
   std::uint64_t stalls = 0;       // cpu stages that waited for the GPU within the frame
+  WaitStats waits, total_waits;   // of this frame, and since the graph was loaded
   std::vector<StageTime> stages;  // profiled frames only; iterations of a loop together
   std::vector<LoopProgress> loops;
   std::vector<ListStats> lists;    // of the last frame that was submitted

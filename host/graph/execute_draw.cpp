@@ -178,7 +178,7 @@ HeddleView view_from_frame(const Executor::State::Drawing& drawing, const glm::d
 
 }  // namespace
 
-Executor::State::Placing& Executor::State::placing_at(const glm::dvec3& at, VkBuffer source, std::size_t slots) {
+Placing& Executor::State::placing_at(const glm::dvec3& at, VkBuffer source, std::size_t slots) {
   const auto found = std::ranges::find_if(
       placings, [&](const Placing& known) { return known.source == source && known.origin == at; });
   if (found != placings.end()) return *found;
@@ -266,8 +266,8 @@ void Executor::State::draw_surfaces(const PassState& pass, const ShaderState& sh
   }
   if (sources.empty()) return;
   GroupBinder binder(*this, pass, shader, asked, add_view(drawing.view));
+  const scene::Frustum frustum = frustum_of(drawing, origin);
   if (asked.order == HEDDLE_ORDER_STATE) {
-    const scene::Frustum frustum = frustum_of(drawing, origin);
     for (Source& source : sources) {
       const scene::DrawList& list = source.draws.list;
       Placing* placing =
@@ -293,8 +293,11 @@ void Executor::State::draw_surfaces(const PassState& pass, const ShaderState& sh
     sorted.push_back(source.draws);
     source_of.push_back(&source);
   }
-  const scene::OrderedDraws ordered = scene::order_back_to_front(*scene, sorted, drawing.view, origin,
-                                                                 asked.order == HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT);
+  const bool sorts_triangles = asked.order == HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT;
+  const scene::OrderedDraws ordered = scene::order_back_to_front(*scene, sorted, drawing.view, origin, sorts_triangles,
+                                                                 variant.culls ? &frustum : nullptr);
+  stats.instances_drawn += ordered.drawn;
+  stats.instances_culled += ordered.culled;
   VkBuffer sorted_indices = VK_NULL_HANDLE;
   if (!ordered.indices.empty()) {
     const std::size_t bytes = ordered.indices.size() * sizeof(std::uint32_t);

@@ -2,6 +2,7 @@
 // One frame: scene values in, stages in order with their barriers, kept resources readable at the end.
 
 #include "graph/execute_state.hpp"
+#include "scene/light_texture.hpp"
 
 #include <fmt/format.h>
 
@@ -59,7 +60,7 @@ void Executor::State::begin_commands() {
   vulkan::check(vk.BeginCommandBuffer(commands, &begin), "vkBeginCommandBuffer");
 }
 
-void Executor::State::submit_and_wait() {
+void Executor::State::submit() {
   const heddle_vulkan& vk = device->table();
   vulkan::check(vk.EndCommandBuffer(commands), "vkEndCommandBuffer");
   VkCommandBufferSubmitInfo buffer{VK_STRUCTURE_TYPE_COMMAND_BUFFER_SUBMIT_INFO};
@@ -69,10 +70,21 @@ void Executor::State::submit_and_wait() {
   submit.pCommandBufferInfos = &buffer;
   if (stats.submit_ms == 0) first_submission = Clock::now();
   vulkan::check(vk.QueueSubmit2(device->queue(), 1, &submit, fence), "vkQueueSubmit2");
-  vulkan::check(vk.WaitForFences(vk.device, 1, &fence, VK_TRUE, ~0ULL), "vkWaitForFences");
-  stats.submit_ms = milliseconds_since(first_submission);  // cpu stages between two submissions count
-  vulkan::check(vk.ResetFences(vk.device, 1, &fence), "vkResetFences");
   commands = VK_NULL_HANDLE;
+}
+
+void Executor::State::wait_for(VkFence awaited) {
+  const heddle_vulkan& vk = device->table();
+  vulkan::check(vk.WaitForFences(vk.device, 1, &awaited, VK_TRUE, ~0ULL), "vkWaitForFences");
+  ++stats.waits.waits;
+}
+
+void Executor::State::submit_and_wait() {
+  submit();
+  wait_for(fence);
+  stats.submit_ms = milliseconds_since(first_submission);  // cpu stages between two submissions count
+  const heddle_vulkan& vk = device->table();
+  vulkan::check(vk.ResetFences(vk.device, 1, &fence), "vkResetFences");
 }
 
 void Executor::State::record_barriers(std::span<const Barrier> list) {
@@ -158,9 +170,12 @@ void Executor::State::set_value(ResourceIndex resource, std::span<const std::byt
 namespace {
 
 void grow(Executor::State& state, vulkan::Buffer& buffer, std::uint64_t size, VkBufferUsageFlags usage) {
-  if (buffer && buffer.size() >= size) return;
-  if (buffer) state.frame_buffers.push_back(std::move(buffer));  // commands of this frame may still read it
-  buffer = state.device->make_buffer(std::max<std::uint64_t>(size * 2, 1024), usage, true);
+  if (buffer && buffer.size() >= size && state.in_flight.empty()) return;
+  if (buffer)
+    state.frame_buffers.push_back(std::move(buffer));  // commands of this frame or of one in flight may read it
+  // Room to grow for what is small; images, such as those of lights, come as they are.
+  constexpr std::uint64_t kSmall = std::uint64_t{1} << 20U;
+  buffer = state.device->make_buffer(std::max<std::uint64_t>(size < kSmall ? size * 2 : size, 1024), usage, true);
 }
 
 }  // namespace
@@ -222,13 +237,19 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     if (resource.port == "camera") set_value(i, std::as_bytes(std::span(&view, 1)));
     if (resource.port == "lights") set_value(i, std::as_bytes(std::span(lights)));
     if (resource.port == "environment") set_environment(i, rendered);
+    if (resource.port == "light_textures") set_light_textures(i, rendered);
   }
   set_component_values(rendered);
   if (!scene_buffers || scene != &rendered) {
+    wait_for_frames();
     scene_buffers = std::make_unique<scene::SceneBuffers>(*device, materials_layout);
     scene = &rendered;
   }
-  scene_buffers->update(rendered, origin);
+  if (scene_buffers->update_remakes(rendered)) wait_for_frames();
+  scene_buffers->update(rendered, origin,
+                        [this](const vulkan::Buffer& target, std::uint64_t offset, std::span<const std::byte> bytes) {
+                          upload_in_frame(target, offset, bytes);
+                        });
   if (info.cut != 0) previous_origin = origin;
   for (std::size_t i = 0; i < 3; ++i) {
     info.origin[i] = origin[static_cast<glm::length_t>(i)];
@@ -252,6 +273,25 @@ void Executor::State::set_environment(ResourceIndex resource, const scene::Scene
   if (!rendered.environment) return;
   const auto texels = std::as_bytes(std::span(rendered.environment->texels));
   value.bytes.insert(value.bytes.end(), texels.begin(), texels.end());
+}
+
+/// Megabytes too: made anew only when a light has another texture.
+void Executor::State::set_light_textures(ResourceIndex resource, const scene::Scene& rendered) {
+  const std::vector<const scene::LightTexture*> textures = scene::light_textures(rendered);
+  std::vector<std::uint64_t> revisions;
+  for (const scene::LightTexture* texture : textures) revisions.push_back(texture->revision);
+  Value& value = resources[resource].value;
+  if (value.is_set && revisions == light_texture_revisions) return;
+  const std::vector<std::byte> elements = scene::light_texture_elements(textures);
+  if (elements.size() + 16 > device->limits().maxStorageBufferRange) {
+    throw Error(HEDDLE_UNSUPPORTED,
+                fmt::format("the textures of {} lights have {} bytes with their levels, and shaders of this device "
+                            "reach {} at once",
+                            textures.size(), elements.size(), device->limits().maxStorageBufferRange - 16),
+                "smaller or fewer textures");
+  }
+  set_value(resource, elements);
+  light_texture_revisions = revisions;
 }
 
 std::uint32_t Executor::State::add_view(const HeddleView& view) {
@@ -508,6 +548,7 @@ void Executor::State::run_frame(const scene::Scene& rendered, const FrameOptions
   if (find_iterations()) {
     if (is_continuing) info.time_step = 0;
     begin_commands();
+    order_after_frames_in_flight();
     turn_histories();
     name_resources();
     set_scene_values(rendered);
@@ -518,11 +559,21 @@ void Executor::State::run_frame(const scene::Scene& rendered, const FrameOptions
     label_commands(nullptr);
     record_barriers(barriers.at_end);
     publish_counts();
-    submit_and_wait();
-    tell_counts();
-    frame_buffers.clear();
+    submitted_frame = info.index;
+    if (services.is_live && !graph.is_job) {
+      submit();
+      in_flight.push_back(std::move(static_cast<FrameMemory&>(*this)));
+      static_cast<FrameMemory&>(*this) = {};
+    } else {
+      submit_and_wait();
+      tell_counts(*this);
+      frame_buffers.clear();
+    }
     ++frame_index;
   }
+  stats.total_waits.waits += stats.waits.waits;
+  stats.total_waits.late_reads += stats.waits.late_reads;
+  stats.total_waits.stale_reads += stats.waits.stale_reads;
   stats.after = device->counters();
   stats.wall_ms = milliseconds_since(start);
   ++stats.frame;
@@ -551,6 +602,8 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     const bool has_new_artifacts = s.run_jobs(rendered);
     if (has_new_artifacts || !s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
     s.note_content(rendered);
+    s.stats.waits = {};
+    s.take_frame_memory();
     if (s.is_redeclare_due()) s.redeclare();
     s.planned_scene = nullptr;
     s.run_frame(rendered, options);
@@ -558,6 +611,7 @@ void Executor::render(const scene::Scene& rendered, const FrameOptions& options)
     s.planned_scene = nullptr;
     s.commands = VK_NULL_HANDLE;
     s.previous_camera.reset();
+    if (s.scene_buffers) s.scene_buffers->forget();  // what this frame was to upload was not
     s.unplan();
     throw;
   }
@@ -575,6 +629,7 @@ Executor::ReadBack Executor::read_into(std::string_view name, std::uint32_t laye
                                        std::optional<std::span<float>> pixels) {
   State& s = *state_;
   const ResourceIndex resource = name.empty() ? s.graph.output : find_resource(s.graph, name);
+  s.wait_for_frames();
   if (!s.is_planned || !s.has_frame) {
     throw Error(HEDDLE_BAD_INPUT,
                 s.stats.frame == 0 ? "nothing was rendered yet" : "nothing was rendered since the graph changed",
@@ -583,7 +638,7 @@ Executor::ReadBack Executor::read_into(std::string_view name, std::uint32_t laye
   if (std::find(s.wanted.begin(), s.wanted.end(), resource) == s.wanted.end()) {
     throw Error(HEDDLE_BAD_INPUT,
                 fmt::format("port '{}' was not kept: its memory may hold something else by now", name),
-                "ask for it with heddle_graph_keep before the frame");
+                "keep it (heddle_graph_keep, Graph.keep in Python) before the frame");
   }
   const ResourceState& state = s.resources[s.resources[resource].root];
   if (!state.image) throw Error(HEDDLE_BAD_INPUT, fmt::format("port '{}' is not an image that a pass made", name));

@@ -103,6 +103,7 @@ class Keys {
     }
     for (const std::string& name : pass.serves) hash.add(name);
     for (const std::string& name : technique.components) add_component(hash, name);
+    if (sees_origin(graph_, pass)) add_bytes(hash, context_.origin);
     add_bytes(hash, graph_.width);
     add_bytes(hash, graph_.height);
     add_bytes(hash, context_.time);
@@ -213,8 +214,9 @@ std::vector<std::string> artifact_keys(const ResolvedGraph& graph, const KeyCont
 bool sees_origin(const ResolvedGraph& graph, const Pass& pass) {
   return std::ranges::any_of(pass.ports, [&](const auto& bound) {
     const Resource& resource = graph.resources[bound.second];
-    return resource.producer == kNoIndex && resource.history_of == kNoIndex &&
-           (resource.port == "surfaces" || resource.port == "lights");
+    const bool is_lights =
+        resource.producer == kNoIndex && resource.history_of == kNoIndex && resource.port == "lights";
+    return is_lights || resource.type == PortType::kSurfaces;
   });
 }
 

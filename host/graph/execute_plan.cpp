@@ -87,13 +87,8 @@ void Executor::State::open_device() {
   vulkan::check(vk.CreateDescriptorSetLayout(vk.device, &layout_info, nullptr, &program_layout),
                 "vkCreateDescriptorSetLayout");
 
-  VkCommandPoolCreateInfo pool_info{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO};
-  pool_info.queueFamilyIndex = opened.queue_family();
-  pool_info.flags = VK_COMMAND_POOL_CREATE_TRANSIENT_BIT;
-  vulkan::check(vk.CreateCommandPool(vk.device, &pool_info, nullptr, &command_pool), "vkCreateCommandPool");
-  const VkFenceCreateInfo fence_info{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
-  vulkan::check(vk.CreateFence(vk.device, &fence_info, nullptr, &fence), "vkCreateFence");
   device = &opened;
+  static_cast<FrameMemory&>(*this) = make_frame_memory();
 }
 
 /// Takes everything down: the next plan starts from nothing.
@@ -601,6 +596,8 @@ vulkan::Constants Executor::State::constants(const vulkan::CompiledShader& shade
 
 void Executor::State::write_parameters(PassState& state) {
   if (state.layout.size == 0) return;
+  // Frames in flight read what is there; what replaces it ends with the next frame, which is after them.
+  if (state.parameters && !in_flight.empty()) outgrown_buffers.push_back(std::move(state.parameters));
   if (!state.parameters) {
     state.parameters = device->make_buffer(
         state.layout.size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, true);

@@ -150,6 +150,40 @@ struct Legacy {
   bool has_past = false;                              // frames were rendered
 };
 
+/// Instances of a source of draws, relative to a point of a drawing's own, as far as drawings have needed them.
+struct Placing {
+  glm::dvec3 origin{0.0};
+  VkBuffer source = VK_NULL_HANDLE;  // the same instances relative to the frame's origin
+  const vulkan::Buffer* instances = nullptr;
+  std::vector<std::uint8_t> is_there;  // by slot
+};
+
+/// What the commands of one frame use until its fence is there.
+struct FrameMemory {
+  VkCommandPool command_pool = VK_NULL_HANDLE;
+  std::vector<VkCommandBuffer> command_buffers;  // of the pool; one for each submission of a frame
+  std::size_t command_buffer_count = 0;          // in use this frame
+  std::vector<VkDescriptorPool> descriptor_pools;
+  std::size_t descriptor_pool = 0;  // in use
+  VkFence fence = VK_NULL_HANDLE;
+  std::vector<vulkan::Buffer> frame_buffers;  // staging that must live until the fence
+  vulkan::Buffer views;                       // HeddleView of each drawing, 512 bytes apart
+  std::uint32_t view_count = 0;
+  vulkan::Buffer draw_commands;  // of drawings that leave out instances
+  std::uint64_t draw_command_bytes = 0;
+  std::map<std::pair<VkBuffer, VkBuffer>, VkDescriptorSet>
+      program_sets;                             // of this submission: set 3 by vertices, instances
+  std::vector<Placing> placings;                // of this submission
+  std::deque<vulkan::Buffer> placed_instances;  // of all submissions: as many as one has had placings
+  vulkan::Buffer group_commands;                // VkDispatchIndirectCommand of each dispatch over a list
+  std::uint64_t group_command_count = 0;        // of this submission
+  std::vector<ResourceIndex> count_slots;       // this frame's: lists whose head was copied, in that order
+  std::vector<vulkan::Buffer> count_buffers;
+  std::uint64_t submitted_frame = HEDDLE_NO_FRAME;
+};
+/// Live mode: frames that may run at the same time, the one that is recorded included.
+constexpr std::size_t kFramesInFlight = 3;
+
 /// What the service heddle.components hands out of one component.
 struct ComponentRows {
   std::uint64_t revision = 0;
@@ -159,7 +193,7 @@ struct ComponentRows {
   std::vector<const char*> property_names;
 };
 
-struct Executor::State {
+struct Executor::State : FrameMemory {
   HostServices& services;
   ResolvedGraph original;  // as resolved; each plan starts from it
   ResolvedGraph graph;     // pruned, with declared shapes
@@ -195,18 +229,13 @@ struct Executor::State {
   VkDescriptorSetLayout materials_layout = VK_NULL_HANDLE;
   VkDescriptorSetLayout program_layout = VK_NULL_HANDLE;
   vulkan::SurfaceProgram program;
-  VkCommandPool command_pool = VK_NULL_HANDLE;
-  std::vector<VkCommandBuffer> command_buffers;  // of the pool; one for each submission of a frame
-  std::size_t command_buffer_count = 0;          // in use this frame
-  std::vector<VkDescriptorPool> descriptor_pools;
-  std::size_t descriptor_pool = 0;  // in use
-  VkFence fence = VK_NULL_HANDLE;
 
   // Scene side.
   const scene::Scene* scene = nullptr;
   std::unique_ptr<scene::SceneBuffers> scene_buffers;
   scene::Snapshot snapshot, empty_snapshot;
   std::map<std::string, ComponentRows, std::less<>> component_rows;
+  std::vector<std::uint64_t> light_texture_revisions;  // in the value `light_textures`
   std::optional<heddle_camera> previous_camera;
   glm::dvec3 origin{0.0}, previous_origin{0.0};
   std::vector<std::byte> inputs;  // of the last frame, all that techniques can see: what is_still compares
@@ -220,13 +249,6 @@ struct Executor::State {
   std::chrono::steady_clock::time_point first_submission;  // of this frame
   heddle_frame_info info{};
   VkCommandBuffer commands = VK_NULL_HANDLE;
-  std::vector<vulkan::Buffer> frame_buffers;  // staging that must live until the fence
-  vulkan::Buffer views;                       // HeddleView of each drawing, 512 bytes apart
-  std::uint32_t view_count = 0;
-  vulkan::Buffer draw_commands;  // of drawings that leave out instances
-  std::uint64_t draw_command_bytes = 0;
-  std::map<std::pair<VkBuffer, VkBuffer>, VkDescriptorSet>
-      program_sets;                // of this submission: set 3 by vertices, instances
   std::vector<Diagnostic> errors;  // reported by plugins in the running call
   std::exception_ptr stop_reason;  // of whoever was told of progress, to be thrown when nothing is half done
 
@@ -270,6 +292,7 @@ struct Executor::State {
 
   void set_scene_values(const scene::Scene& scene);
   void set_environment(ResourceIndex resource, const scene::Scene& scene);
+  void set_light_textures(ResourceIndex resource, const scene::Scene& scene);
   /// What the plan depends on of a scene is as it was.
   [[nodiscard]] bool is_planned_for(const scene::Scene& scene) const;
   void set_component_values(const scene::Scene& scene);
@@ -296,6 +319,22 @@ struct Executor::State {
   [[nodiscard]] bool find_iterations();
   [[nodiscard]] bool is_still(const scene::Scene& scene, const FrameOptions& options);
   void begin_frame_memory();
+  // Live mode: memory of frames that were submitted, the oldest first, and of frames that are done.
+  std::deque<FrameMemory> in_flight;
+  std::vector<FrameMemory> spare;
+  std::vector<vulkan::Buffer> outgrown_buffers;  // that these frames may still read; go with the next frame's
+  [[nodiscard]] FrameMemory make_frame_memory() const;
+  void destroy_frame_memory(FrameMemory& memory) const;
+  void take_frame_memory();
+  void end_frame(FrameMemory& memory);
+  void end_finished_frames(std::size_t most_left);
+  void wait_for_frames();
+  [[nodiscard]] bool is_done(const FrameMemory& memory) const;
+  [[nodiscard]] bool is_done(std::uint64_t frame) const;
+  void submit();
+  void wait_for(VkFence awaited);
+  void order_after_frames_in_flight();
+  void upload_in_frame(const vulkan::Buffer& target, std::uint64_t offset, std::span<const std::byte> bytes);
   void run_cpu_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   void execute_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   void warn(const Pass& pass, std::string_view message) const;
@@ -376,15 +415,6 @@ struct Executor::State {
     std::uint32_t count = 0;
   };
   /// `own`: the list's commands as they lie on the device; null: nowhere.
-  /// Instances of a source of draws, relative to a point of a drawing's own, as far as drawings have needed them.
-  struct Placing {
-    glm::dvec3 origin{0.0};
-    VkBuffer source = VK_NULL_HANDLE;  // the same instances relative to the frame's origin
-    const vulkan::Buffer* instances = nullptr;
-    std::vector<std::uint8_t> is_there;  // by slot
-  };
-  std::vector<Placing> placings;                // of this submission
-  std::deque<vulkan::Buffer> placed_instances;  // of all submissions: as many as one has had placings
   Placing& placing_at(const glm::dvec3& origin, VkBuffer source, std::size_t slots);
   void place(Placing& placing, const scene::DrawList& list, const scene::PlacedBatches* made,
              std::span<const VkDrawIndexedIndirectCommand> drawn);
@@ -396,16 +426,13 @@ struct Executor::State {
 
   // Lists (execute_lists.cpp).
   vulkan::Pipeline groups_pipeline;
-  vulkan::Buffer group_commands;           // VkDispatchIndirectCommand of each dispatch over a list
-  std::uint64_t group_command_count = 0;   // of this submission
-  std::vector<ResourceIndex> count_slots;  // this frame's: whose head was copied, in that order
-  std::vector<vulkan::Buffer> count_buffers;
   std::set<std::string> overflowing;  // names of the lists that had no room in the last frame
   [[nodiscard]] AccessInfo list_access(const ScheduledStage& stage, ResourceIndex list) const;
   void begin_lists(std::uint32_t stage, std::uint32_t activity);
   void copy_counts(std::uint32_t stage);
   void publish_counts();
-  void tell_counts();
+  void note_counts(const FrameMemory& memory);
+  void tell_counts(const FrameMemory& memory);
   void make_groups_pipeline();
   void dispatch_over_list(const PassState& pass, const ShaderState& shader, ResourceIndex list, const void* push,
                           std::uint32_t push_bytes);
@@ -483,6 +510,9 @@ std::uint64_t bytes_of(const std::vector<VkBufferImageCopy>& regions, const Reso
 VkImageAspectFlags aspect_of(std::uint32_t format);
 /// Commands that are in no plan, at a frame's start or between frames, are ordered against everything.
 Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout to);
+/// All memory: what was accessed so in the one is done before the other.
+void barrier_between(const heddle_vulkan& vk, VkCommandBuffer commands, VkPipelineStageFlags2 from,
+                     VkAccessFlags2 written, VkPipelineStageFlags2 to, VkAccessFlags2 access);
 /// What was copied to host memory is there for the host once the fence is.
 void show_copies_to_host(const heddle_vulkan& vk, VkCommandBuffer commands);
 /// What declare says of an image or buffer.

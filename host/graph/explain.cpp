@@ -123,15 +123,16 @@ std::string stage_text(const ResolvedGraph& graph, const ScheduledStage& schedul
 }
 
 /// How a cpu stage gets what the GPU made, and what that costs.
-std::string waiting_text(const ResolvedGraph& graph, const ScheduledStage& scheduled) {
+std::string waiting_text(const ResolvedGraph& graph, const ScheduledStage& scheduled, bool is_live) {
   const std::uint32_t latency = graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].latency;
   if (scheduled.is_read_back)
     return fmt::format("   copies to the host, for {} later",
                        latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
   if (scheduled.splits_submission) return "   waits for the gpu: reads what it made this frame";
   if (latency > 0)
-    return fmt::format("   waits for nothing: reads what the gpu made {} ago",
-                       latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
+    return fmt::format("   waits for nothing: reads what the gpu made {} ago{}",
+                       latency == 1 ? "1 frame" : fmt::format("{} frames", latency),
+                       is_live ? ", or earlier if that is not there yet" : "");
   return {};
 }
 
@@ -332,8 +333,9 @@ std::string jobs_text(const ResolvedGraph& graph) {
 }  // namespace
 
 std::string explain_text(const ResolvedGraph& graph, const Order& order, const Placement& placement,
-                         const BarrierPlan& barriers) {
+                         const BarrierPlan& barriers, bool is_live) {
   std::string text = head_text(graph);
+  if (is_live) text += "live: frames are not waited for, and no bytes are promised\n";
 
   text += "\npasses\n";
   std::vector<std::vector<std::string>> rows;
@@ -364,7 +366,8 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
     const ScheduledStage& scheduled = order.stages[s];
     text += loop_text(graph, order, s);
     text += fmt::format("  {:>3}  {} {}{}\n", s + 1, scheduled.kind == StageKind::kGpu ? "gpu" : "cpu",
-                        stage_text(graph, scheduled), waiting_text(graph, scheduled) + cached_text(graph, scheduled));
+                        stage_text(graph, scheduled),
+                        waiting_text(graph, scheduled, is_live) + cached_text(graph, scheduled));
     rows.clear();
     for (const auto& use : scheduled.uses)
       rows.push_back({"      ",
@@ -411,11 +414,12 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
 }
 
 std::string explain_json(const ResolvedGraph& graph, const Order& order, const Placement& placement,
-                         const BarrierPlan& barriers) {
+                         const BarrierPlan& barriers, bool is_live) {
   Json json;
   json["file"] = graph.file;
   json["kind"] = graph.is_job ? "job" : "frame";
   json["extent"] = {graph.width, graph.height};
+  json["mode"] = is_live ? "live" : "repeatable";
   json["output"] = graph.output == kNoIndex ? Json() : Json(graph.resources[graph.output].name);
   json["notes"] = graph.notes;
 

@@ -58,13 +58,17 @@ class GraphPlace {
                                                named_.string(),
                                                {},
                                                did_you_mean(named_.filename().string(), names)});
-    for (const std::string& name : graph_files(shipped_.parent_path())) names.push_back(fs::path(name).stem().string());
+    std::vector<std::string> shipped;
+    for (const std::string& name : graph_files(shipped_.parent_path()))
+      shipped.push_back(fs::path(name).stem().string());
+    names.insert(names.end(), shipped.begin(), shipped.end());
     throw Error(HEDDLE_BAD_INPUT,
                 Diagnostic{Severity::kError,
                            where,
                            fmt::format("there is neither a file nor a shipped graph '{}'", named_.filename().string()),
                            {},
-                           fmt::format("one of the files {} and {}", named_.string(), shipped_.string()),
+                           fmt::format("one of the files {} and {}; shipped are {}", named_.string(), shipped_.string(),
+                                       join_names(shipped)),
                            did_you_mean(named_.filename().string(), names)});
   }
 

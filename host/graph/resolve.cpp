@@ -14,8 +14,9 @@
 namespace heddle::graph {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, PortType>, 4> kScenePorts{{{"camera", PortType::kValue},
+constexpr std::array<std::pair<std::string_view, PortType>, 5> kScenePorts{{{"camera", PortType::kValue},
                                                                             {"environment", PortType::kValue},
+                                                                            {"light_textures", PortType::kValue},
                                                                             {"lights", PortType::kValue},
                                                                             {"surfaces", PortType::kSurfaces}}};
 
@@ -400,8 +401,8 @@ class Resolver {
     if (dot == std::string::npos || dot == 0 || dot + 1 == text.size() ||
         text.find('.', dot + 1) != std::string::npos) {
       problems_.add(value.where, fmt::format("{} does not name a port", label), found,
-                    "\"pass.port\", \"scene.camera\", \"scene.environment\", \"scene.lights\", \"scene.surfaces\", "
-                    "\"job.toml#artifact\" or \"none\"");
+                    "\"pass.port\", \"scene.camera\", \"scene.environment\", \"scene.light_textures\", "
+                    "\"scene.lights\", \"scene.surfaces\", \"job.toml#artifact\" or \"none\"");
       return {};
     }
     const std::string pass = text.substr(0, dot);

@@ -323,10 +323,11 @@ BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const 
                           std::span<const ResourceIndex> wanted);
 
 // ---- explain --------------------------------------------------------------------------------------------------------
+/// is_live: frames are not waited for, so stages with latency take the newest copy that is there.
 std::string explain_text(const ResolvedGraph& graph, const Order& order, const Placement& placement,
-                         const BarrierPlan& barriers);
+                         const BarrierPlan& barriers, bool is_live = false);
 std::string explain_json(const ResolvedGraph& graph, const Order& order, const Placement& placement,
-                         const BarrierPlan& barriers);
+                         const BarrierPlan& barriers, bool is_live = false);
 std::string explain_dot(const ResolvedGraph& graph, const Order& order);
 
 }  // namespace heddle::graph

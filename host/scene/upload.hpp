@@ -10,6 +10,8 @@
 
 #include <heddle/plugin.h>
 
+#include <functional>
+
 namespace heddle::scene {
 
 /// Draws that share pipeline state and textures: one vkCmdDrawIndexedIndirect.
@@ -79,9 +81,16 @@ class SceneBuffers {
   SceneBuffers(const SceneBuffers&) = delete;
   SceneBuffers& operator=(const SceneBuffers&) = delete;
 
+  /// Brings bytes into a buffer of the device.
+  using Upload = std::function<void(const vulkan::Buffer&, std::uint64_t offset, std::span<const std::byte>)>;
   /// Uploads what changed since the last call; instances relative to `origin`, previous places too. A mesh that bends
-  /// has room for two shapes, which take turns.
-  void update(const Scene& scene, const glm::dvec3& origin);
+  /// has room for two shapes, which take turns. Unless update_remakes, all of it is brought by `upload` (none: at once)
+  /// into buffers that stay.
+  void update(const Scene& scene, const glm::dvec3& origin, const Upload& upload = {});
+  /// The next update makes buffers, textures or draws anew: nothing that was submitted may still use them.
+  [[nodiscard]] bool update_remakes(const Scene& scene) const;
+  /// The next update starts over: what the last one handed to `upload` did not reach the device.
+  void forget();
 
   [[nodiscard]] const vulkan::Buffer& vertices() const;   // HeddleVertex
   [[nodiscard]] const vulkan::Buffer& indices() const;    // uint32

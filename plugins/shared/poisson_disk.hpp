@@ -36,11 +36,13 @@ inline void shuffle_from(std::vector<Point>& points, std::size_t first, Random& 
     std::swap(points[i - 1], points[first + random.below(i - first)]);
 }
 
-/// The shortest way between two points where opposite borders are one.
-inline double toroidal_distance(const Point& a, const Point& b) {
-  const double x = std::abs(a[0] - b[0]);
-  const double y = std::abs(a[1] - b[1]);
-  return std::hypot(std::min(x, 1.0 - x), std::min(y, 1.0 - y));
+/// The square of the shortest way between two points where opposite borders are one.
+inline double toroidal_distance_squared(const Point& a, const Point& b) {
+  const double dx = std::abs(a[0] - b[0]);
+  const double dy = std::abs(a[1] - b[1]);
+  const double x = std::min(dx, 1.0 - dx);
+  const double y = std::min(dy, 1.0 - dy);
+  return x * x + y * y;
 }
 
 /// Points at least `distance` apart, as many as find room in 30 darts around each; the first is the centre. They grow
@@ -96,12 +98,12 @@ class DartBoard {
   }
   [[nodiscard]] bool has_room(const Point& point) const {
     const std::size_t reach = side_ == 1 ? 1 : 3;
-    for (std::size_t y = 0; y < reach; ++y) {
-      for (std::size_t x = 0; x < reach; ++x) {
-        const std::size_t row = (cell(point[1]) + side_ - reach / 2 + y) % side_;
-        const std::size_t column = (cell(point[0]) + side_ - reach / 2 + x) % side_;
-        for (std::size_t i = first_[row * side_ + column]; i != kEnd; i = next_[i])
-          if (toroidal_distance(points_[i], point) < distance_) return false;
+    const std::size_t above = cell(point[1]) + side_ - reach / 2;
+    const std::size_t left = cell(point[0]) + side_ - reach / 2;
+    for (std::size_t y = above; y < above + reach; ++y) {
+      for (std::size_t x = left; x < left + reach; ++x) {
+        for (std::size_t i = first_[y % side_ * side_ + x % side_]; i != kEnd; i = next_[i])
+          if (toroidal_distance_squared(points_[i], point) < distance_ * distance_) return false;
       }
     }
     return true;
@@ -124,7 +126,7 @@ inline double poisson_distance(std::size_t count) {
 inline std::vector<Point> poisson_disk(std::size_t count, std::uint32_t seed) {
   // A board is full with more or less points than the one before. Small ones soon have just the number; of large ones
   // the fullest that came nearest is thinned out, a few per mille of it.
-  const std::size_t tries = std::clamp<std::size_t>(131072 / count, 16, 256);
+  const std::size_t tries = std::clamp<std::size_t>(32768 / count, 16, 64);
   double distance = poisson_distance(count);
   std::vector<Point> best;
   for (std::uint32_t i = 0; best.size() != count && (i < tries || best.empty()); ++i) {

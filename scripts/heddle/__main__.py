@@ -6,6 +6,7 @@ A scene file defines `build(scene)`, called with an empty heddle.Scene, and if t
 """
 
 import argparse
+import contextlib
 import importlib.util
 import json
 import os
@@ -16,7 +17,7 @@ import statistics
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from time import sleep, time_ns
 
 from . import Error, Graph, Host, Job, Scene, version
@@ -44,19 +45,22 @@ def load_scene(scene: Scene, file: str, trusted: bool = False) -> Update:
     assert spec is not None and spec.loader is not None  # the name ends in .py
     module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        with scene_code():
+            spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         raise scene_error(path, "the file itself", error) from error
     if not hasattr(module, "build"):
         raise Error(2, f"{path}: error: the scene has no function build(scene)")
     try:
-        module.build(scene)
+        with scene_code():
+            module.build(scene)
     except (Exception, SystemExit) as error:
         raise scene_error(path, "build(scene)", error) from error
 
     def update(moved: Scene, time: float) -> None:
         try:
-            getattr(module, "update", stays)(moved, time)
+            with scene_code():
+                getattr(module, "update", stays)(moved, time)
         except (Exception, SystemExit) as error:
             raise scene_error(path, f"update(scene, {time:g})", error) from error
 
@@ -100,8 +104,12 @@ def scene_error(path: pathlib.Path, where: str, error: BaseException) -> Error:
 
 
 def write_file(file: str, contents: str | bytes) -> None:
-    """Under a temporary name in the same folder, then renamed: the file is whole or not there."""
+    """Under a temporary name in the same folder, which is made, then renamed: the file is whole or not there."""
     path = pathlib.Path(file)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        pass  # writing says so
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
         partial.write_bytes(contents.encode() if isinstance(contents, str) else contents)
@@ -109,6 +117,29 @@ def write_file(file: str, contents: str | bytes) -> None:
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise Error(4, f"error: cannot write '{file}'") from error
+
+
+class Stopped(BaseException):
+    """A signal came while a scene's own code ran, which nobody else can end."""
+
+
+_is_in_scene_code = False
+
+
+@contextlib.contextmanager
+def scene_code() -> Iterator[None]:
+    """The body is a scene's own code: a signal stops it where it is, as Stopped."""
+    global _is_in_scene_code
+    _is_in_scene_code = True
+    try:
+        yield
+    finally:
+        _is_in_scene_code = False
+
+
+def on_signal(*_: object) -> None:
+    if _is_in_scene_code:
+        raise Stopped
 
 
 STOPPED = 130  # exit status: 128 + SIGINT, as shells have it; also for SIGTERM
@@ -121,12 +152,13 @@ def open_host(arguments: argparse.Namespace, check: bool = False) -> Host:
     # As the command does: information too, such as how far long work has come.
     log = None if arguments.quiet else lambda _severity, text: print(text, file=sys.stderr)
     _host = Host(arguments.device, arguments.validation, arguments.plugins, log=log, check=check,
-                 remake=getattr(arguments, "remake", False))
+                 remake=getattr(arguments, "remake", False), live=getattr(arguments, "live", False))
     return _host
 
 
 def stop_on_signals() -> None:
-    """The first SIGINT or SIGTERM stops the work where nothing is half done; the second ends the process at once.
+    """The first SIGINT or SIGTERM stops the work where nothing is half done, and a scene's own code where it is; the
+    second ends the process at once.
 
     Python's own handlers wait for a call of the library to return; the byte of set_wakeup_fd comes at once.
     """
@@ -135,7 +167,7 @@ def stop_on_signals() -> None:
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, lambda *_: None)
+            signal.signal(number, on_signal)
 
     def listen() -> None:
         global _is_asked
@@ -172,8 +204,9 @@ def load_all(host: Host, scene: Scene, file: str | None,
     for overlay in arguments.overlay:
         scene.load(overlay, arguments.trust_files)
     if arguments.environment is not None:
-        scene.set_environment(host.read_image(arguments.environment), arguments.environment_scale,
-                              arguments.environment_rotation)
+        scale, rotation = arguments.environment_scale, arguments.environment_rotation
+        scene.set_environment(host.read_image(arguments.environment), 1.0 if scale is None else scale,
+                              0.0 if rotation is None else rotation)
     return update
 
 
@@ -353,9 +386,13 @@ def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene
         say(arguments, f"artifact {name}: {'from the cache' if artifact['origin'] == 'cache' else 'made'}, "
                        f"{artifact['bytes'] / 2**20:.1f} MiB")
     memory = stats["memory"]
-    say(arguments, f"frame {arguments.frames} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms; transient memory "
+    say(arguments, f"frame {arguments.frames - 1} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms; transient memory "
                    f"{memory['transient_bytes'] / 2**20:.1f} MiB "
                    f"({memory['transient_bytes_without_aliasing'] / 2**20:.1f} MiB without aliasing)")
+    if arguments.live:
+        total = stats["late"]["total"]
+        say(arguments, f"live: {total['stale']} of {total['reads']} late reads were stale; the host waited for the GPU "
+                       f"{total['waits']} times")
     if len(frame_ms) > 1:
         say(arguments, "{frames} frames: first {first_ms:.1f} ms; then median {median_ms:.1f} ms "
                        "({minimum_ms:.1f} to {maximum_ms:.1f})".format(**stats["run"]))
@@ -446,8 +483,25 @@ def check(arguments: argparse.Namespace) -> int:
             load_all(host, scene, scene_file, arguments)(scene, arguments.time)
             use_camera(scene, arguments.camera)
             report = graph.check(scene, max(arguments.frames, 3), arguments.time, 0.0, arguments.seed)
-            print(json.dumps(report, indent=2))
+            print(json.dumps(report, indent=2) if arguments.json else check_text(report))
     return 0
+
+
+def check_text(report: dict) -> str:
+    """As the command prints it for other scenes."""
+    poisons, lists, overflowed = ", ".join(report["poisons"]), ", ".join(report["lists"]), report["overflowed"]
+    rows = [f"{report['runs']} runs of {report['frames']} frames, nothing found",
+            "  hazards  every read-after-write, write-after-read, write-after-write and layout is covered",
+            "  numbers  no pass makes NaN, nor Inf or values out of range where its role forbids them",
+            f"  orders   {report['orders']}; of {report['unordered_pairs']} pairs of stages that nothing puts in order, "
+            f"{report['seen_both_ways']} were seen both ways",
+            "  memory   " + (f"filled before its first and after its last use with {poisons}" if poisons else
+                             "left as it is: on this device nobody can fill the bytes of an image")]
+    if lists:
+        rows.append(f"  lists    {lists}: what a stage appends was seen in two orders" +
+                    (f"; {overflowed} of {report['frames']} frames are not compared, a list had no room in them"
+                     if overflowed else ""))
+    return "\n".join([*rows, f"  bytes    {', '.join(report['compared'])} agree in all runs"])
 
 
 def explain(arguments: argparse.Namespace) -> int:
@@ -566,8 +620,8 @@ def main() -> int:
         command.add_argument("--camera", help="name or number of a camera")
         command.add_argument("--environment", help="equirectangular image that lights the scene; without a graph: the "
                                                    "graph 'environment'")
-        command.add_argument("--environment-scale", type=float, default=1.0, help="cd/m^2 of the image's 1")
-        command.add_argument("--environment-rotation", type=float, default=0.0, help="radians about the vertical axis")
+        command.add_argument("--environment-scale", type=float, help="cd/m^2 of the image's 1 (default: 1)")
+        command.add_argument("--environment-rotation", type=float, help="radians about the vertical axis (default: 0)")
         command.add_argument("--set", action="append", default=[], help="change the graph: ao.technique=gtao")
         command.add_argument("--device", help="part of a device's name, or its index")
         command.add_argument("--plugins", help="folders with plugins, separated by ':'")
@@ -585,16 +639,19 @@ def main() -> int:
             command.add_argument("--profile", action="store_true")
             command.add_argument("--watch", action="store_true",
                                  help="stay, and render again when a file changes that the picture was made of")
+            command.add_argument("--live", action="store_true",
+                                 help="wait for no frame before the next one; bytes may differ from run to run")
             command.add_argument("--remake", action="store_true", help="make artifacts that the cache holds again")
             command.add_argument("--check", action="store_true",
                                  help="prove barriers and search outputs for NaN, Inf and values out of range")
         elif name == "check":
             command.add_argument("--port", action="append", default=[], help="compare this port too, PASS.PORT")
             command.add_argument("--frames", type=int, default=3)
-            command.add_argument("--json", action="store_true", help="always so here")
+            command.add_argument("--json", action="store_true", help="print what was done as JSON")
         elif name == "explain":
             command.add_argument("--format", choices=("text", "json", "dot"), default="text")
             command.add_argument("--why", help="explain one PASS; text or json")
+            command.add_argument("--live", action="store_true", help="as heddle run --live does it")
         elif name == "inspect":
             command.add_argument("--port", action="append", default=[], help="PASS.PORT: run this pass too")
             command.add_argument("--frames", type=int, default=1)
@@ -622,7 +679,14 @@ def main() -> int:
     command.add_argument("--gate", action="store_true", help="exit status 1 if anything is worse than the first variant, 2 if "
                                                              "undecided, else 0")
     command.add_argument("--quiet", "-q", action="store_true")
-    arguments = parser.parse_args()
+    # Files and pixels may stand behind options too, where argparse leaves them over.
+    arguments, words = parser.parse_known_args()
+    if unknown := [word for word in words if word.startswith("-")]:
+        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    arguments.files += words
+    for option in ("environment_scale", "environment_rotation"):
+        if getattr(arguments, option) is not None and arguments.environment is None:
+            parser.error(f"--{option.replace('_', '-')} requires --environment")
     stop_on_signals()
     try:
         return arguments.body(arguments)
@@ -632,6 +696,9 @@ def main() -> int:
             return STOPPED
         print(error, file=sys.stderr)
         return error.status
+    except Stopped:
+        print("stopped", file=sys.stderr)
+        return STOPPED
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130

@@ -11,6 +11,7 @@ TEXTURE_COUNT = 5
 HOST_VALIDATION = 1
 HOST_CHECK = 2
 HOST_REMAKE = 4
+HOST_LIVE = 8
 RENDER_PROFILE = 1
 RENDER_ANEW = 2
 ANIMATION_LOOP = 1
@@ -32,7 +33,7 @@ class Light(Structure):
         ("intensity", c_float * 3), ("radius", c_float),
         ("tangent", c_float * 3), ("segment_length", c_float),
         ("half_extent", c_float * 3), ("flags", c_uint32),
-        ("cos_inner", c_float), ("cos_outer", c_float), ("id", c_uint32), ("reserved_", c_uint32),
+        ("cos_inner", c_float), ("cos_outer", c_float), ("id", c_uint32), ("texture", c_uint32),
     ]
 
 
@@ -159,6 +160,7 @@ PROTOTYPES = {
     "heddle_scene_add_camera": (c_int32, [c_void_p, c_char_p, POINTER(Camera), _ID]),
     "heddle_scene_set_instance": (c_int32, [c_void_p, c_uint32, _MATRIX]),
     "heddle_scene_set_light": (c_int32, [c_void_p, c_uint32, POINTER(SceneLight)]),
+    "heddle_scene_set_light_texture": (c_int32, [c_void_p, c_uint32, POINTER(Image)]),
     "heddle_scene_set_camera": (c_int32, [c_void_p, c_uint32, POINTER(Camera)]),
     "heddle_scene_set_environment": (c_int32, [c_void_p, POINTER(Environment)]),
     "heddle_scene_set_component": (c_int32, [c_void_p, c_uint32, c_uint32, c_char_p, c_char_p]),

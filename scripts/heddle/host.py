@@ -197,6 +197,8 @@ class Host(_Object):
                  out of their role's range; what is found raises Error. Slow. Render three frames
     plugin_path: folders separated by ':'; None: the library's own
     remake:      make artifacts that the cache holds again, and replace them
+    live:        wait for no frame before the next one: stages with latency take the newest copy of the GPU's work that is
+                 there, and no bytes are promised. Not together with check
     log:         called with (severity 0 error, 1 warning, 2 information; text); None: warnings go to stderr
     progress:    called with (what the host is at, how much of that is done, 0..1) while it loads, plans and renders; what
                  it raises, an interrupt from the keyboard too, ends the call, leaves everything as before, and is raised
@@ -208,12 +210,13 @@ class Host(_Object):
 
     def __init__(self, device: str | None = None, validation: bool = False, plugin_path: str | None = None,
                  log: Callable[[int, str], None] | None = None, check: bool = False,
-                 progress: Callable[[str, float], object] | None = None, remake: bool = False):
+                 progress: Callable[[str, float], object] | None = None, remake: bool = False,
+                 live: bool = False):
         self._raised: BaseException | None = None
         say = log if log is not None else _log_to_stderr
         self._log = c.LogFunction(lambda _user, severity, text: say(severity, text.decode()))
         flags = (c.HOST_VALIDATION if validation else 0) | (c.HOST_CHECK if check else 0)
-        flags |= c.HOST_REMAKE if remake else 0
+        flags |= (c.HOST_REMAKE if remake else 0) | (c.HOST_LIVE if live else 0)
         self._listeners: list[Callable[[str, float], object]] = [] if progress is None else [progress]
         tell: Any = c.ProgressFunction
         self._progress = tell(self._tell)
@@ -450,12 +453,16 @@ class Scene(_Object):
               direction: Sequence[float] = (0, -1, 0), range: float = 0.0, inner_angle: float = 0.0,
               outer_angle: float = np.pi / 4, radius: float = 0.0, tangent: Sequence[float] = (1, 0, 0),
               segment_length: float = 0.0, half_extent: Sequence[float] = (0, 0, 0), casts_shadow: bool = True,
-              name: str | None = None) -> int:
+              name: str | None = None, texture: ArrayLike | None = None) -> int:
         """One of directional (lux), point, spot, capsule, cone, wedge (candela), box (lux), sphere, rectangle (cd/m^2),
-        environment. Linear Rec.709; metres; angles in radians from the axis; records.h says the rest. Returns the id."""
+        environment. Linear Rec.709; metres; angles in radians from the axis; records.h says the rest. texture: of a
+        rectangle, see set_light_texture. Returns the id."""
         light = _light(type, intensity, position, direction, range, inner_angle, outer_angle, radius, tangent, segment_length,
                        half_extent, casts_shadow)
-        return self._add(_heddle.heddle_scene_add_light, name, ctypes.byref(light))
+        index = self._add(_heddle.heddle_scene_add_light, name, ctypes.byref(light))
+        if texture is not None:
+            self.set_light_texture(index, texture)
+        return index
 
     def set_light(self, light: int, type: str, intensity: Sequence[float], position: Sequence[float] = (0, 0, 0),
                   direction: Sequence[float] = (0, -1, 0), range: float = 0.0, inner_angle: float = 0.0,
@@ -465,6 +472,17 @@ class Scene(_Object):
         record = _light(type, intensity, position, direction, range, inner_angle, outer_angle, radius, tangent, segment_length,
                         half_extent, casts_shadow)
         self._check(_heddle.heddle_scene_set_light(self._handle, light, ctypes.byref(record)))
+
+    def set_light_texture(self, light: int, pixels: ArrayLike | None) -> None:
+        """An image that a rectangle light shines with: its radiance at a point is its intensity times the texel there.
+
+        pixels: float32 (height, width) or (height, width, 1, 3 or 4), seen from the lit side with the light's tangent to the
+                right; linear Rec.709, finite, 0 or above; copied. None: none
+        raises: Error for what is not so, with the first wrong texel
+        """
+        image = None if pixels is None else _to_image(pixels)
+        self._check(_heddle.heddle_scene_set_light_texture(self._handle, light,
+                                                           None if image is None else ctypes.byref(image[0])))
 
     def component(self, name: str, properties: Mapping[str, Value] | None = None, *, instance: int | None = None,
                   material: int | None = None, light: int | None = None) -> None:
@@ -615,6 +633,10 @@ class _Woven(_Object):
 
         A parameter changes in place; anything else makes a new plan at the next frame.
         """
+        if isinstance(value, Mapping):
+            raise Error(2, f"error: the setting '{setting}' was given a dict\n  expected: a number, a word, True or False, or a "
+                           "list of them\n  help:     one call for each key: " +
+                           (f"set(\"{setting}.{next(iter(value))}\", ...)" if value else f"set(\"{setting}.NAME\", ...)"))
         text = setting if value is None else f"{setting}={_toml(value)}"
         self._check(_heddle.heddle_graph_set(self._handle, text.encode()))
 
@@ -640,6 +662,9 @@ class _Woven(_Object):
         out:    an array of that shape to write into, C-contiguous: frames after frames without new memory
         raises: Error for a port that was not kept, or an `out` of another shape, type or layout
         """
+        for what, number in (("layer", layer), ("mip", mip)):
+            if int(number) != number or not 0 <= number < 2**32:
+                raise Error(2, f"error: there is no {what} {number}\n  expected: an integer of at least 0")
         image = c.Image(ctypes.sizeof(c.Image))
         self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, None, 0, ctypes.byref(image)))
         shape = (image.height, image.width, image.channels)

@@ -55,6 +55,7 @@ int run(int argc, char** argv) {
                                                              ""});
   }
   heddle::bench::Session session(options);
+  session.report.is_smoke_run = options.is_small;
   session.report.machine = heddle::bench::describe_machine();
   const heddle::vulkan::DeviceInfo& device = session.device().info();
   session.report.machine["device"] = device.name;

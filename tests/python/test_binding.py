@@ -62,7 +62,7 @@ def test_every_exported_function_is_bound_with_its_types(root):
 # Constants of the headers that the package says in words of its own, by prefix: None where they are methods' business.
 CONSTANTS = {
     "HEDDLE_NONE": _library.NONE, "HEDDLE_HOST_VALIDATION": _library.HOST_VALIDATION, "HEDDLE_HOST_CHECK": _library.HOST_CHECK,
-    "HEDDLE_HOST_REMAKE": _library.HOST_REMAKE,
+    "HEDDLE_HOST_REMAKE": _library.HOST_REMAKE, "HEDDLE_HOST_LIVE": _library.HOST_LIVE,
     "HEDDLE_RENDER_PROFILE": _library.RENDER_PROFILE, "HEDDLE_RENDER_ANEW": _library.RENDER_ANEW,
     "HEDDLE_CANCELLED": _library.CANCELLED, "HEDDLE_ANIMATION_LOOP": _library.ANIMATION_LOOP,
     "HEDDLE_LOAD_TRUSTED": _library.LOAD_TRUSTED, "HEDDLE_TEXTURE_COUNT": _library.TEXTURE_COUNT,

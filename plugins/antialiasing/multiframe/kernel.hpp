@@ -55,11 +55,11 @@ inline std::vector<Point> grid_points(std::uint32_t count, std::uint32_t seed) {
 
 /// (4): after the first, always the one that is farthest from all before it, borders being one with those opposite.
 inline void order_by_farthest(std::vector<Point>& points) {
-  std::vector<double> distances(points.size(), 2.0);
+  std::vector<double> distances(points.size(), 2.0);  // squared
   for (std::size_t done = 1; done < points.size(); ++done) {
     std::size_t farthest = done;
     for (std::size_t i = done; i < points.size(); ++i) {
-      distances[i] = std::min(distances[i], sampling::toroidal_distance(points[i], points[done - 1]));
+      distances[i] = std::min(distances[i], sampling::toroidal_distance_squared(points[i], points[done - 1]));
       if (distances[i] > distances[farthest]) farthest = i;
     }
     std::swap(points[done], points[farthest]);
@@ -82,14 +82,14 @@ inline std::vector<Point> unit_points(const Design& design) {
   return points;
 }
 
-/// (5): moves all points but the first, which stays in the centre, so that they are there on average: else the picture
-/// is shifted by their mean, which is as large as the error that they have beyond it.
-inline void centre(std::vector<Point>& offsets) {
-  if (offsets.size() < 2) return;
+/// (5): moves all points from `first` on, so that all are in the centre on average: else the picture is shifted by
+/// their mean, which is as large as the error that they have beyond it.
+inline void centre_from(std::size_t first, std::vector<Point>& offsets) {
+  const double moved = static_cast<double>(offsets.size()) - static_cast<double>(first);
   for (const std::size_t axis : {std::size_t{0}, std::size_t{1}}) {
     double sum = 0;
     for (const Point& p : offsets) sum += p[axis];
-    for (std::size_t i = 1; i < offsets.size(); ++i) offsets[i][axis] -= sum / static_cast<double>(offsets.size() - 1);
+    for (std::size_t i = first; i < offsets.size(); ++i) offsets[i][axis] -= sum / moved;
   }
 }
 
@@ -99,8 +99,8 @@ inline std::vector<Point> sample_offsets(const Design& design) {
   const double scale = design.radius_px == 0 ? 1.0 : design.radius_px / sampling::filter_radius(design.filter);
   for (Point& p : points)
     p = {scale * sampling::filter_offset(design.filter, p[0]), scale * sampling::filter_offset(design.filter, p[1])};
-  // A grid is: moving all but one of it would do harm.
-  if (design.is_centred && design.kernel != Kernel::kGrid) centre(points);
+  // The first stays in the centre; that of a grid is not there, and a grid stays whole.
+  if (design.is_centred && design.count > 1) centre_from(design.kernel == Kernel::kGrid ? 0 : 1, points);
   return points;
 }
 
