@@ -625,6 +625,9 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
       json["lists"].push_back(
           {{"name", list.name}, {"capacity", list.capacity}, {"count", list.count}, {"overflow", list.overflow}});
     }
+    json["counts"] = Json::array();
+    for (const auto& count : stats.counts)
+      json["counts"].push_back({{"pass", count.pass}, {"name", count.name}, {"count", count.count}});
     for (const auto& loop : stats.loops) {
       json["loops"].push_back({{"pass", loop.pass}, {"done", loop.done}, {"total", loop.total}});
     }

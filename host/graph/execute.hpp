@@ -87,6 +87,12 @@ struct ListStats {
   std::uint32_t capacity = 0, count = 0, overflow = 0;  // elements; in a loop: overflow of its worst iteration
 };
 
+/// Of a technique's own counters.
+struct CountStats {
+  std::string pass, name;
+  std::uint64_t count = 0;
+};
+
 /// What there was to wait for.
 struct WaitStats {
   std::uint64_t waits = 0;        // of the host, for the GPU
@@ -102,7 +108,8 @@ struct FrameStats {
   WaitStats waits, total_waits;   // of this frame, and since the graph was loaded
   std::vector<StageTime> stages;  // profiled frames only; iterations of a loop together
   std::vector<LoopProgress> loops;
-  std::vector<ListStats> lists;  // of the last frame that was submitted
+  std::vector<ListStats> lists;    // of the last frame that was submitted
+  std::vector<CountStats> counts;  // of the last frame that was submitted
   vulkan::Counters before, after;
   std::uint64_t instances_drawn = 0, instances_culled = 0;  // summed over the frame's drawings
   std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;

@@ -335,11 +335,9 @@ VkDescriptorSet Executor::State::make_program_set(VkBuffer vertices, VkBuffer in
   return set;
 }
 
-Executor::State::DrawRange Executor::State::draw_range(const scene::DrawList& list, const scene::DrawGroup& group,
-                                                       const scene::Frustum& frustum,
-                                                       std::span<const std::uint8_t> is_gone, VkBuffer own) {
+Executor::State::DrawRange Executor::State::draw_range(const scene::DrawGroup& group,
+                                                       const scene::VisibleDraws& visible, VkBuffer own) {
   constexpr std::uint64_t kStride = sizeof(VkDrawIndexedIndirectCommand);
-  const scene::VisibleDraws visible = list.visible(group, variant.culls ? &frustum : nullptr, is_gone);
   stats.instances_drawn += visible.drawn;
   stats.instances_culled += visible.culled;
   if (visible.drawn == 0) return {};
@@ -372,8 +370,9 @@ void Executor::State::write_neutral(PassState& state, const ScheduledStage& stag
       set_batches(found->second, {}, 0);
       continue;
     }
+    if (!target.image) continue;
     const AccessInfo use = access_info(access.access, PortType::kImage, graph.resources[found->second].format);
-    if (!use.writes || !target.image) continue;
+    if (!use.writes) continue;
     const RolePort* port = pass.role->find_port(access.port);
     const VkImageLayout layout = target.layout;
     clear_image(target, graph.resources[target.root], port != nullptr ? port->neutral : std::array<double, 4>{});
@@ -505,6 +504,7 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
       state.descriptor->activity != nullptr
           ? state.descriptor->activity(state.object, &state.api, scheduled.stage, &frame, &info)
           : HEDDLE_RUN;
+  throw_if_failed(state, HEDDLE_OK, "activity");
   record_barriers(before);
   const bool is_up_to_date = is_outdated.empty() || is_outdated[scheduled.pass] == 0;
   const bool keeps = activity == HEDDLE_KEEP && is_up_to_date;
@@ -553,6 +553,7 @@ void Executor::State::run_frame(const scene::Scene& rendered, const FrameOptions
     name_resources();
     set_scene_values(rendered);
     count_slots.clear();
+    stats.counts.clear();
     run_stages(options.profile);
     stop_if_cancelled();
     label_commands(nullptr);

@@ -91,6 +91,7 @@ void Executor::State::begin_frame_memory() {
   view_count = 0;
   draw_command_bytes = 0;
   group_command_count = 0;
+  placings.clear();
   program_sets.clear();
   for (ResourceState& state : resources)
     if (state.made) state.made->is_placed = false;

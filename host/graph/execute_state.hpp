@@ -150,6 +150,14 @@ struct Legacy {
   bool has_past = false;                              // frames were rendered
 };
 
+/// Instances of a source of draws, relative to a point of a drawing's own, as far as drawings have needed them.
+struct Placing {
+  glm::dvec3 origin{0.0};
+  VkBuffer source = VK_NULL_HANDLE;  // the same instances relative to the frame's origin
+  const vulkan::Buffer* instances = nullptr;
+  std::vector<std::uint8_t> is_there;  // by slot
+};
+
 /// What the commands of one frame use until its fence is there.
 struct FrameMemory {
   VkCommandPool command_pool = VK_NULL_HANDLE;
@@ -164,10 +172,12 @@ struct FrameMemory {
   vulkan::Buffer draw_commands;  // of drawings that leave out instances
   std::uint64_t draw_command_bytes = 0;
   std::map<std::pair<VkBuffer, VkBuffer>, VkDescriptorSet>
-      program_sets;                        // of this submission: set 3 by vertices, instances
-  vulkan::Buffer group_commands;           // VkDispatchIndirectCommand of each dispatch over a list
-  std::uint64_t group_command_count = 0;   // of this submission
-  std::vector<ResourceIndex> count_slots;  // this frame's: lists whose head was copied, in that order
+      program_sets;                             // of this submission: set 3 by vertices, instances
+  std::vector<Placing> placings;                // of this submission
+  std::deque<vulkan::Buffer> placed_instances;  // of all submissions: as many as one has had placings
+  vulkan::Buffer group_commands;                // VkDispatchIndirectCommand of each dispatch over a list
+  std::uint64_t group_command_count = 0;        // of this submission
+  std::vector<ResourceIndex> count_slots;       // this frame's: lists whose head was copied, in that order
   std::vector<vulkan::Buffer> count_buffers;
   std::uint64_t submitted_frame = HEDDLE_NO_FRAME;
 };
@@ -376,8 +386,16 @@ struct Executor::State : FrameMemory {
   void bind(const PassState& pass, const ShaderState& shader, const vulkan::Pipeline& pipeline, const void* push,
             std::uint32_t push_bytes);
   vulkan::Buffer switch_table(const Pass& caller, const std::string& role);
-  void draw_surfaces(const PassState& pass, const ShaderState& shader, const heddle_draw& drawing,
-                     const HeddleView& view);
+  /// A drawing with what the caller left open filled in, and checked. `origin`: what its view is relative to, nullptr:
+  /// the frame's.
+  struct Drawing {
+    heddle_draw wanted{};
+    HeddleView view{};
+    const glm::dvec3* origin = nullptr;
+    bool clears = false;  // its part of the attachments; only with an origin, else they load as their accesses say
+  };
+  void draw_surfaces(const PassState& pass, const ShaderState& shader, const Drawing& drawing);
+  [[nodiscard]] scene::Look look_of(const PassState& pass, const Drawing& drawing);
 
   // Made surfaces (execute_surfaces.cpp).
   void set_batches(ResourceIndex surfaces, std::vector<scene::MadeBatch> batches, std::uint64_t revision);
@@ -387,7 +405,8 @@ struct Executor::State : FrameMemory {
   [[nodiscard]] VkBuffer buffer_of(ResourceIndex buffer) const;
   bool copy_contents(ResourceIndex surfaces, heddle_frame& frame);
   const scene::Snapshot& take_snapshot(ResourceIndex surfaces, const heddle_frame& frame);
-  void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer);
+  void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer,
+                       const Drawing* drawing = nullptr);
   [[nodiscard]] VkExtent2D attachment_extent(const Pass& pass, const Stage& stage) const;
   std::uint32_t add_view(const HeddleView& view);
   struct DrawRange {  // of indirect commands
@@ -396,9 +415,14 @@ struct Executor::State : FrameMemory {
     std::uint32_t count = 0;
   };
   /// `own`: the list's commands as they lie on the device; null: nowhere.
-  DrawRange draw_range(const scene::DrawList& list, const scene::DrawGroup& group, const scene::Frustum& frustum,
-                       std::span<const std::uint8_t> is_gone, VkBuffer own);
+  Placing& placing_at(const glm::dvec3& origin, VkBuffer source, std::size_t slots);
+  void place(Placing& placing, const scene::DrawList& list, const scene::PlacedBatches* made,
+             std::span<const VkDrawIndexedIndirectCommand> drawn);
+  DrawRange draw_range(const scene::DrawGroup& group, const scene::VisibleDraws& visible, VkBuffer own);
   void throw_if_failed(const PassState& pass, heddle_status status, std::string_view what);
+
+  // Counters of techniques (execute_views.cpp).
+  void add_count(const PassState& pass, std::string_view name, std::uint64_t count);
 
   // Lists (execute_lists.cpp).
   vulkan::Pipeline groups_pipeline;

@@ -112,6 +112,7 @@ struct SceneBuffers::State {
   GroupedDraws draws;                   // geometries: meshes
   InstanceBoxes boxes;                  // in draw order
   std::vector<std::uint8_t> flips;      // by scene's instance
+  std::vector<Look> looks;              // by scene's instance
   std::vector<HeddleMaterial> records;  // as uploaded
   std::uint64_t content_revision = 0, motion_revision = 0;
   glm::dvec3 origin{0.0};
@@ -123,6 +124,7 @@ struct SceneBuffers::State {
   void upload_materials(const Scene& scene);
   void sort_draws(const Scene& scene);
   void upload_instances(const Scene& scene);
+  void find_looks(const Scene& scene);
 };
 
 void SceneBuffers::State::upload_meshes(const Scene& scene) {
@@ -243,6 +245,18 @@ void SceneBuffers::State::upload_instances(const Scene& scene) {
   fill(device, upload, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
 }
 
+void SceneBuffers::State::find_looks(const Scene& scene) {
+  looks.clear();
+  for (const Instance& instance : scene.instances) {
+    Look look;
+    look.add(instance.mesh);
+    look.add(scene.meshes.at(instance.mesh).shape);
+    for (int column = 0; column < 4; ++column)
+      for (int row = 0; row < 4; ++row) look.add(std::bit_cast<std::uint64_t>(instance.scene_from_object[column][row]));
+    looks.push_back(look);
+  }
+}
+
 SceneBuffers::SceneBuffers(vulkan::Device& device, VkDescriptorSetLayout materials_layout)
     : state_(std::make_unique<State>(device, materials_layout)) {}
 
@@ -292,6 +306,9 @@ void SceneBuffers::update(const Scene& scene, const glm::dvec3& origin, const Up
     state.sort_draws(scene);
   }
   state.upload_instances(scene);
+  if (has_moved) {
+    state.find_looks(scene);
+  }
   state.content_revision = scene.content_revision;
   state.motion_revision = scene.motion_revision;
 }
@@ -313,6 +330,9 @@ const vulkan::Buffer& SceneBuffers::commands() const {
 }
 std::span<const DrawGroup> SceneBuffers::groups() const {
   return state_->draws.groups;
+}
+std::span<const Look> SceneBuffers::looks() const {
+  return state_->looks;
 }
 std::span<const std::uint32_t> SceneBuffers::order() const {
   return state_->draws.order;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include "scene/cull.hpp"
+#include "scene/look.hpp"
 #include "scene/scene.hpp"
 #include "vulkan/device.hpp"
 
@@ -100,6 +101,9 @@ class SceneBuffers {
   [[nodiscard]] std::span<const DrawGroup> groups() const;
   /// The scene's instances in draw order: which one each of instances() is.
   [[nodiscard]] std::span<const std::uint32_t> order() const;
+  /// Of each of the scene's instances: differs where its place or its mesh's shape does. What meshes and materials are
+  /// made of is the content revision's.
+  [[nodiscard]] std::span<const Look> looks() const;
   /// Of the scene's mesh of that number.
   [[nodiscard]] const MeshRange& mesh(std::uint32_t index) const;
   /// What bends is judged by its shape of now.

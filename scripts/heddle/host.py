@@ -700,7 +700,8 @@ class _Woven(_Object):
     def stats(self) -> dict:
         """Of the last frame: {"wall_ms": recording and running, "submit_ms": from submission to fence, "stages": of a
         profiled frame [{"pass", "stage", "wall_ms", "cpu_ms"}], "counters": commands and bytes, "lists":
-        [{"name", "capacity", "count", "overflow": elements that had no room}], "memory": bytes,
+        [{"name", "capacity", "count", "overflow": elements that had no room}], "counts": what techniques count
+        [{"pass", "name", "count"}], "memory": bytes,
         "libraries", "device", "frames": since the graph was planned}."""
         text = ctypes.c_char_p()
         self._check(_heddle.heddle_stats(self._handle, ctypes.byref(text)))
