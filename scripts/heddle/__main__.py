@@ -685,7 +685,7 @@ def main() -> int:
         parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     arguments.files += words
     for option in ("environment_scale", "environment_rotation"):
-        if getattr(arguments, option) is not None and arguments.environment is None:
+        if getattr(arguments, option, None) is not None and arguments.environment is None:
             parser.error(f"--{option.replace('_', '-')} requires --environment")
     stop_on_signals()
     try:
