@@ -2,13 +2,17 @@
 // The C functions behind heddle_pass_host: parameters, values, mapped memory, and the commands of a gpu stage.
 
 #include "graph/execute_state.hpp"
+#include "graph/report.hpp"
+#include "graph/uses.hpp"
 
 #include <heddle/components.h>
+#include <heddle/meshes.h>
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstring>
 
 namespace heddle::graph {
@@ -110,12 +114,14 @@ heddle_status component_table(const heddle_pass_host* self, heddle_frame*, const
   }
   return guarded(pass, [&] {
     const ComponentType& type = *executor.services.registry.components().find(name);
-    const scene::Components& components = executor.scene->components;
+    const scene::Scene* asked = executor.asked_scene(pass);
+    const std::uint64_t revision = asked != nullptr ? scene::component_revision(*asked) : 0;
     ComponentRows& rows = executor.component_rows[name];
-    if (rows.revision != executor.component_revision) {
+    if (rows.revision != revision || rows.property_names.empty()) {
       rows = {};
-      rows.revision = executor.component_revision;
-      for (const scene::Component& component : components.of(name)) {
+      rows.revision = revision;
+      const scene::Components none;
+      for (const scene::Component& component : (asked != nullptr ? asked->components : none).of(name)) {
         rows.owner_kinds.push_back(static_cast<std::uint32_t>(component.owner));
         rows.owners.push_back(component.id);
         rows.written.push_back(component.written);
@@ -147,8 +153,78 @@ heddle_status component_table(const heddle_pass_host* self, heddle_frame*, const
 
 constexpr heddle_components_service kComponentsService{sizeof(heddle_components_service), 0, component_table};
 
+template <typename Record>
+heddle_status hand_out(Record record, Record* out) {
+  record.struct_size = std::min<std::uint32_t>(out->struct_size, sizeof record);
+  std::memcpy(out, &record, record.struct_size);
+  return HEDDLE_OK;
+}
+
+heddle_status scene_content(const heddle_pass_host* self, heddle_scene_content* out) {
+  PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, "the scene's meshes")) return HEDDLE_BUG;
+  heddle_scene_content content{};
+  if (const scene::Scene* asked = executor_of(pass).asked_scene(pass); asked != nullptr) {
+    content.mesh_count = static_cast<std::uint32_t>(asked->meshes.size());
+    content.instance_count = static_cast<std::uint32_t>(asked->instances.size());
+    content.revision = scene::component_revision(*asked);
+    content.motion_revision = asked->motion_revision;
+  }
+  return hand_out(content, out);
+}
+
+heddle_status scene_mesh(const heddle_pass_host* self, std::uint32_t index, heddle_scene_mesh* out) {
+  PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, "the scene's meshes")) return HEDDLE_BUG;
+  const scene::Scene* asked = executor_of(pass).asked_scene(pass);
+  if (asked == nullptr || index >= asked->meshes.size()) {
+    return wrong(
+        pass, fmt::format("asks for mesh {} of a scene with {}", index, asked != nullptr ? asked->meshes.size() : 0));
+  }
+  const scene::Mesh& mesh = asked->meshes[index];
+  const bool has_bent = mesh.shape != mesh.previous_shape;
+  heddle_scene_mesh record{};
+  record.material = mesh.material;
+  record.vertex_count = static_cast<std::uint32_t>(mesh.vertices.size());
+  record.index_count = static_cast<std::uint32_t>(mesh.indices.size());
+  record.vertices = mesh.vertices.data();
+  record.previous_vertices = has_bent ? mesh.previous_vertices.data() : mesh.vertices.data();
+  record.indices = mesh.indices.data();
+  record.face_sizes = mesh.face_sizes.empty() ? nullptr : mesh.face_sizes.data();
+  record.face_count =
+      static_cast<std::uint32_t>(mesh.face_sizes.empty() ? mesh.indices.size() / 3 : mesh.face_sizes.size());
+  record.crease_count = static_cast<std::uint32_t>(mesh.sharpness.size());
+  record.creases = mesh.creases.data();
+  record.sharpness = mesh.sharpness.data();
+  record.shape = mesh.shape;
+  record.previous_shape = has_bent ? mesh.previous_shape : mesh.shape;
+  return hand_out(record, out);
+}
+
+heddle_status scene_instance(const heddle_pass_host* self, std::uint32_t index, heddle_scene_instance* out) {
+  PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, "the scene's instances")) return HEDDLE_BUG;
+  const scene::Scene* asked = executor_of(pass).asked_scene(pass);
+  if (asked == nullptr || index >= asked->instances.size()) {
+    return wrong(pass, fmt::format("asks for instance {} of a scene with {}", index,
+                                   asked != nullptr ? asked->instances.size() : 0));
+  }
+  const scene::Instance& instance = asked->instances[index];
+  heddle_scene_instance record{};
+  record.mesh = instance.mesh;
+  for (glm::length_t i = 0; i < 16; ++i) {
+    record.scene_from_object[i] = instance.scene_from_object[i / 4][i % 4];
+    record.previous_scene_from_object[i] = instance.previous_scene_from_object[i / 4][i % 4];
+  }
+  return hand_out(record, out);
+}
+
+constexpr heddle_meshes_service kMeshesService{sizeof(heddle_meshes_service), 0, scene_content, scene_mesh,
+                                               scene_instance};
+
 const void* service(const heddle_pass_host*, const char* id) {
-  return std::strcmp(id, HEDDLE_COMPONENTS_SERVICE) == 0 ? &kComponentsService : nullptr;
+  if (std::strcmp(id, HEDDLE_COMPONENTS_SERVICE) == 0) return &kComponentsService;
+  return std::strcmp(id, HEDDLE_MESHES_SERVICE) == 0 ? &kMeshesService : nullptr;
 }
 
 void fill_shape(const Executor::State& executor, const Pass& pass, const std::string& port, heddle_shape& out) {
@@ -256,8 +332,9 @@ heddle_status set_value(const heddle_pass_host* self, heddle_frame*, const char*
     Executor::State& executor = executor_of(pass);
     const Pass& declared = executor.pass_of(pass);
     const Port* own = executor.technique_of(pass).find_port(port);
-    if (own == nullptr || own->direction == Direction::kIn || own->type != PortType::kValue) {
-      return wrong(pass, fmt::format("sets '{}', which is none of its out values", port));
+    if (own == nullptr || own->direction == Direction::kIn ||
+        (own->type != PortType::kValue && own->type != PortType::kArtifact)) {
+      return wrong(pass, fmt::format("sets '{}', which is none of its out values and artifacts", port));
     }
     if (!is_in_key(pass, is_of_cached_stage(pass, port), fmt::format("value '{}'", port))) return HEDDLE_BUG;
     executor.set_value(declared.ports.at(port), {static_cast<const std::byte*>(data), bytes});
@@ -309,8 +386,9 @@ heddle_status snapshot(const heddle_pass_host* self, heddle_frame* frame, const 
                                "is not bound",
                                port));
     }
-    *out = &executor.snapshot.update(*executor.scene);
-    if (out_alpha_test != nullptr) *out_alpha_test = executor.snapshot.alpha_test();
+    const scene::Snapshot& snapshot = executor.take_snapshot(executor.pass_of(pass).ports.find(port)->second, *frame);
+    *out = &snapshot.record();
+    if (out_alpha_test != nullptr) *out_alpha_test = snapshot.alpha_test();
     return HEDDLE_OK;
   });
 }
@@ -457,6 +535,81 @@ heddle_status draw(const heddle_pass_host* self, heddle_frame* frame, const hedd
   });
 }
 
+/// The batch as the host keeps it. Throws if it does not lie in the port's buffers or the scene.
+scene::MadeBatch check_batch(const Executor::State& executor, ResourceIndex surfaces, const heddle_batch& given,
+                             std::uint32_t number) {
+  scene::MadeBatch batch;
+  std::memcpy(&batch.record, &given, std::min<std::size_t>(given.struct_size, sizeof batch.record));
+  heddle_batch& record = batch.record;
+  record.struct_size = sizeof record;
+  if (record.placed > 0) batch.placed.assign(record.instances, record.instances + record.placed);
+  record.instances = nullptr;
+  const auto complain = [&](const std::string& what) {
+    throw Error(HEDDLE_BUG, fmt::format("batch {} of '{}' {}", number, executor.graph.resources[surfaces].name, what));
+  };
+  const BatchBuffers buffers = batch_buffers_of(executor.graph, surfaces);
+  const auto room = [&](ResourceIndex buffer, std::uint64_t element) -> std::uint64_t {
+    if (buffer == kNoIndex) return 0;
+    const Resource& resource = executor.graph.resources[buffer];
+    return resource.is_list() ? resource.capacity : resource.byte_size / element;
+  };
+  if (record.material >= executor.scene->materials.size()) {
+    complain(fmt::format("has material {} of a scene with {}", record.material, executor.scene->materials.size()));
+  }
+  if (batch.placed.empty()) {
+    const std::uint64_t most = room(buffers.commands, sizeof(VkDrawIndexedIndirectCommand));
+    const bool is_list = buffers.commands != kNoIndex && executor.graph.resources[buffers.commands].is_list();
+    if (std::uint64_t{record.first_command} + record.command_count > most || (is_list && record.first_command != 0)) {
+      complain(fmt::format("has commands {} to {} of {}{}", record.first_command,
+                           std::uint64_t{record.first_command} + record.command_count, most,
+                           is_list ? ", of a list: expected the first one to be 0" : ""));
+    }
+    return batch;
+  }
+  const std::uint64_t most = room(buffers.indices, sizeof(std::uint32_t));
+  if (std::uint64_t{record.first_index} + record.index_count > most || record.index_count % 3 != 0) {
+    complain(fmt::format("has indices {} to {} of {}: expected triangles within them", record.first_index,
+                         std::uint64_t{record.first_index} + record.index_count, most));
+  }
+  for (const float bound : record.bounds)
+    if (!std::isfinite(bound)) complain(fmt::format("has the bound {}", bound));
+  std::sort(batch.placed.begin(), batch.placed.end());
+  if (batch.placed.back() >= executor.scene->instances.size() ||
+      std::adjacent_find(batch.placed.begin(), batch.placed.end()) != batch.placed.end()) {
+    complain(fmt::format("places an instance twice, or one beyond the scene's {}", executor.scene->instances.size()));
+  }
+  return batch;
+}
+
+heddle_status set_batches(const heddle_pass_host* self, heddle_frame* frame, const char* port,
+                          const heddle_batch* given, std::uint32_t count, std::uint64_t revision) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    Executor::State& executor = executor_of(pass);
+    const Stage& stage = executor.technique_of(pass).stages[frame->stage->stage];
+    const bool is_declared = std::any_of(stage.accesses.begin(), stage.accesses.end(), [&](const Access& access) {
+      return access.port == port && access.access == HEDDLE_ACCESS_BATCHES;
+    });
+    if (!is_declared) {
+      return wrong(pass, fmt::format("sets batches of '{}', which its stage does not declare as BATCHES", port));
+    }
+    const ResourceIndex surfaces = executor.pass_of(pass).ports.find(std::string_view(port))->second;
+    std::vector<scene::MadeBatch> batches;
+    std::vector<std::uint8_t> is_placed(executor.scene->instances.size(), 0);
+    const auto* bytes = reinterpret_cast<const std::byte*>(given);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const auto& batch = *reinterpret_cast<const heddle_batch*>(bytes + std::size_t{i} * given->struct_size);
+      batches.push_back(check_batch(executor, surfaces, batch, i));
+      for (const std::uint32_t instance : batches.back().placed) {
+        if (is_placed[instance]++ == 0) continue;
+        return wrong(pass, fmt::format("places instance {} in two batches of '{}'", instance, port));
+      }
+    }
+    executor.set_batches(surfaces, std::move(batches), revision);
+    return HEDDLE_OK;
+  });
+}
+
 void barrier(const heddle_pass_host* self, heddle_frame* frame) {
   const Executor::State& executor = executor_of(state_of(self));
   VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
@@ -540,6 +693,12 @@ std::uint32_t text(const heddle_pass_host* self, const char* name, std::uint32_t
 const char* resolve_path(const heddle_pass_host* self, const char* path) {
   PassState& pass = state_of(self);
   if (!is_in_key(pass, false, fmt::format("the file '{}'", path))) return "";
+  const Executor::State& executor = executor_of(pass);
+  if (executor.graph.is_job && !executor.is_key_file(executor.pass_of(pass), path)) {
+    wrong(pass,
+          fmt::format("asks for the file '{}', which no parameter names: what a job reads is part of its key", path));
+    return "";
+  }
   pass.resolved_path = (executor_of(pass).graph.folder / path).lexically_normal().string();
   return pass.resolved_path.c_str();
 }
@@ -566,20 +725,57 @@ heddle_status set_text(const heddle_pass_host* self, const char* name, const cha
 heddle_status progress(const heddle_pass_host* self, heddle_frame* frame, double done) {
   PassState& pass = state_of(self);
   return guarded(pass, [&]() -> heddle_status {
-    const Executor::State& executor = executor_of(pass);
-    if (executor.services.is_cancelled != nullptr && executor.services.is_cancelled->load()) return HEDDLE_CANCELLED;
+    Executor::State& executor = executor_of(pass);
+    const bool is_cancelled = executor.services.is_cancelled != nullptr && executor.services.is_cancelled->load();
+    if (is_cancelled && !frame->stops_at_slices) return HEDDLE_CANCELLED;
     const Pass& declared = executor.pass_of(pass);
     const std::string& stage = executor.technique_of(pass).stages[frame->stage->stage].name;
     done = std::clamp(done, 0.0, 1.0);
-    if (executor.services.progress) {
-      executor.services.progress(fmt::format("stage '{}' of pass '{}'", stage, declared.name), done);
+    if (executor.services.progress && !executor.stop_reason) {
+      try {
+        executor.services.progress(fmt::format("stage '{}' of pass '{}'", stage, declared.name), done);
+      } catch (...) {
+        if (!frame->stops_at_slices) throw;
+        executor.stop_reason = std::current_exception();
+      }
     }
     const auto now = std::chrono::steady_clock::now();
-    if (now - frame->told < kTellEvery) return HEDDLE_OK;
+    // That all is done, its end says.
+    if (now - frame->told < kTellEvery || done >= 1.0) return HEDDLE_OK;
     frame->told = now;
     say(pass, Severity::kInfo,
         fmt::format("stage '{}': {:.0f} % after {:.0f} s", stage, 100.0 * done,
                     std::chrono::duration<double>(now - frame->began).count()));
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status add_row(const heddle_pass_host* self, heddle_frame*, const char* port, const heddle_report_row* row) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    Executor::State& executor = executor_of(pass);
+    const Port* own = executor.technique_of(pass).find_port(port);
+    if (own == nullptr || own->type != PortType::kReport)
+      return wrong(pass, fmt::format("adds a row to '{}', which is none of its reports", port));
+    heddle_report_row given{};
+    std::memcpy(&given, row, std::min<std::size_t>(row->struct_size, sizeof given));
+    if (given.message == nullptr || given.level > HEDDLE_SEVERITY_INFO)
+      return wrong(pass, fmt::format("adds a row to '{}' without a message, or of the level {}", port, given.level));
+    Value& value = executor.resources[executor.pass_of(pass).ports.at(port)].value;
+    const std::string line = report_line(given) + "\n";
+    const auto bytes = std::as_bytes(std::span(line));
+    value.bytes.insert(value.bytes.end(), bytes.begin(), bytes.end());
+    value.is_set = true;
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status keep_state(const heddle_pass_host* self, heddle_frame* frame, const void* data, std::uint64_t bytes) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    if (!frame->is_saving) return wrong(pass, "calls keep_state outside of save_state");
+    const auto* first = static_cast<const std::byte*>(data);
+    frame->state.insert(frame->state.end(), first, first + bytes);
     return HEDDLE_OK;
   });
 }
@@ -624,6 +820,9 @@ void fill_pass_host(PassState& pass, const heddle_vulkan& table) {
   api.dispatch_over_list = dispatch_over_list;
   api.request_redeclare = request_redeclare;
   api.progress = progress;
+  api.add_row = add_row;
+  api.keep_state = keep_state;
+  api.set_batches = set_batches;
 }
 
 heddle_shape shape_of(const Resource& resource) {

@@ -124,25 +124,32 @@ void InstanceBoxes::find_visible(const Frustum& frustum, std::size_t first, std:
   }
 }
 
+namespace {
+constexpr std::uint8_t kGone = 2;  // neither in view nor out of it
+}  // namespace
+
 VisibleDraws cull(std::span<const VkDrawIndexedIndirectCommand> commands, const InstanceBoxes& boxes,
-                  const Frustum& frustum) {
+                  const Frustum* frustum, std::span<const std::uint8_t> is_gone) {
   VisibleDraws left;
   if (commands.empty()) return left;
   const std::uint32_t first = commands.front().firstInstance;
   const std::uint32_t count = commands.back().firstInstance + commands.back().instanceCount - first;
-  std::vector<std::uint8_t> visible(count);
-  boxes.find_visible(frustum, first, count, visible.data());
+  std::vector<std::uint8_t> visible(count, 1);
+  if (frustum != nullptr) boxes.find_visible(*frustum, first, count, visible.data());
+  for (std::uint32_t i = 0; i < count && !is_gone.empty(); ++i) {
+    if (is_gone[first + i] != 0) visible[i] = kGone;
+  }
   for (const VkDrawIndexedIndirectCommand& command : commands) {
     const std::uint32_t end = command.firstInstance + command.instanceCount;
     for (std::uint32_t i = command.firstInstance; i < end;) {
-      if (visible[i - first] == 0) {
-        ++left.culled;
+      if (visible[i - first] != 1) {
+        if (visible[i - first] == 0) ++left.culled;
         ++i;
         continue;
       }
       VkDrawIndexedIndirectCommand stretch = command;
       stretch.firstInstance = i;
-      while (i < end && visible[i - first] != 0) ++i;
+      while (i < end && visible[i - first] == 1) ++i;
       stretch.instanceCount = i - stretch.firstInstance;
       left.drawn += stretch.instanceCount;
       left.commands.push_back(stretch);

@@ -55,8 +55,9 @@ struct VisibleDraws {
   std::uint32_t drawn = 0, culled = 0;                 // instances
 };
 /// `commands` draw instances that follow each other: firstInstance counts in `boxes`. Instances keep their numbers, so
-/// a command whose instances are seen in part becomes one for each stretch of them.
+/// a command whose instances are seen in part becomes one for each stretch of them. Instances that `is_gone` says are
+/// not there count as neither drawn nor culled; empty: all are there. Without a frustum all that are there are drawn.
 VisibleDraws cull(std::span<const VkDrawIndexedIndirectCommand> commands, const InstanceBoxes& boxes,
-                  const Frustum& frustum);
+                  const Frustum* frustum, std::span<const std::uint8_t> is_gone = {});
 
 }  // namespace heddle::scene

@@ -130,6 +130,31 @@ Technique sky_environment_map() {
   return t;
 }
 
+Technique subdivision() {
+  Technique t = technique("subdivision/catmull_clark");
+  Port surfaces = port("surfaces", PortType::kSurfaces, Direction::kInout);
+  surfaces.vertices = "vertices";
+  surfaces.indices = "indices";
+  const auto buffer = [](std::string name, std::uint32_t flags) {
+    Port p = port(std::move(name), PortType::kBuffer, Direction::kOut, flags);
+    p.byte_size = 4096;
+    return p;
+  };
+  t.ports = {surfaces, buffer("vertices", HEDDLE_PORT_KEPT), buffer("indices", HEDDLE_PORT_KEPT), buffer("points", 0)};
+  t.parameters = {parameter("levels", ParameterType::kInt, "1", 1, 6, 2)};
+  t.stages = {
+      {"pose",
+       StageKind::kCpu,
+       {touch("points", HEDDLE_ACCESS_HOST_WRITE), touch("indices", HEDDLE_ACCESS_HOST_WRITE)}},
+      {"refine",
+       StageKind::kGpu,
+       {touch("points", HEDDLE_ACCESS_STORAGE_READ), written("vertices"), touch("surfaces", HEDDLE_ACCESS_BATCHES)}}};
+  t.shaders = {shader("refine", ShaderKind::kCompute, "refine")};
+  t.features = {"subdivision.surface"};
+  t.components = {"subdivision.surface"};
+  return t;
+}
+
 Technique gbuffer_raster() {
   Technique t = technique("gbuffer/raster");
   t.ports = {surfaces_in("surfaces"),
@@ -365,7 +390,7 @@ PluginFolder::PluginFolder() {
   std::string pattern = (fs::temp_directory_path() / "heddle-graph-XXXXXX").string();
   if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
   folder_ = pattern;
-  for (const Technique& t : {sky_procedural(), sky_uniform(), sky_environment_map(), gbuffer_raster(), gtao(),
+  for (const Technique& t : {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(), gtao(),
                              ray_traced(), shadow_map(), ray_marched_screen(), ggx(), tiled(), heat_map(), deferred(),
                              supersampled(), sorted(), display(), paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";

@@ -190,12 +190,8 @@ constexpr heddle_technique kShadowMap = [] {
   heddle_technique t = technique<ShadowMap>(
       "shadow/shadow_map", "Depth maps with percentage-closer filtering for directional, spot and point lights",
       "Williams 1978, Casting curved shadows on curved surfaces; Reeves, Salesin and Cook 1987, Rendering antialiased "
-      "shadows with depth maps");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  t.functions = list(kFunctions, t.function_count);
+      "shadows with depth maps",
+      kPorts, kParameters, kStages, kShaders, kFunctions);
   t.components = kSettings;
   return t;
 }();

@@ -280,7 +280,7 @@ TEST(Cull, CommandsShowTheVisibleInstancesInOrderAndNoOthers) {
     InstanceBoxes instances;
     const std::size_t total = boxes.size() - first;
     instances.assign(std::move(boxes));
-    const VisibleDraws left = cull(commands, instances, frustum);
+    const VisibleDraws left = cull(commands, instances, &frustum);
     std::vector<std::uint32_t> drawn;
     for (const VkDrawIndexedIndirectCommand& command : left.commands) {
       const auto owner = std::find_if(commands.begin(), commands.end(), [&](const VkDrawIndexedIndirectCommand& given) {
