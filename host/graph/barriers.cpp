@@ -149,7 +149,7 @@ void plan_again(const Order& order, const Placement& placement, const std::vecto
 }  // namespace
 
 AccessInfo access_info(std::uint32_t access, PortType type, std::uint32_t /*format*/) {
-  if (type == PortType::kSurfaces || type == PortType::kValue) {
+  if (!has_memory(type)) {
     // Uploaded by the host before the frame begins: nothing on the GPU writes them. What techniques make of surfaces is
     // in their buffers.
     const bool writes = access == HEDDLE_ACCESS_HOST_WRITE || access == HEDDLE_ACCESS_BATCHES;

@@ -87,13 +87,8 @@ void Executor::State::open_device() {
   vulkan::check(vk.CreateDescriptorSetLayout(vk.device, &layout_info, nullptr, &program_layout),
                 "vkCreateDescriptorSetLayout");
 
-  VkCommandPoolCreateInfo pool_info{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO};
-  pool_info.queueFamilyIndex = opened.queue_family();
-  pool_info.flags = VK_COMMAND_POOL_CREATE_TRANSIENT_BIT;
-  vulkan::check(vk.CreateCommandPool(vk.device, &pool_info, nullptr, &command_pool), "vkCreateCommandPool");
-  const VkFenceCreateInfo fence_info{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
-  vulkan::check(vk.CreateFence(vk.device, &fence_info, nullptr, &fence), "vkCreateFence");
   device = &opened;
+  static_cast<FrameMemory&>(*this) = make_frame_memory();
 }
 
 /// Takes everything down: the next plan starts from nothing.
@@ -133,6 +128,7 @@ void Executor::State::note_content(const scene::Scene& rendered) {
 void Executor::State::plan(const scene::Scene& rendered) {
   planned_environment = environment_extent(rendered);
   plan(rendered.features());
+  if (graph.is_job) return;  // need not look at anything
   const auto reads_environment = [&](const Pass& pass) {
     return !pass.is_pruned && std::ranges::any_of(pass.ports, [&](const auto& bound) {
       return is_environment(graph.resources[bound.second]);
@@ -198,6 +194,18 @@ void Executor::State::redeclare() {
   plan(planned_features);
 }
 
+/// What the plan is for.
+void Executor::State::find_wanted() {
+  std::vector<std::string> names = wave;
+  if (graph.is_job && names.empty()) names = job_wants();
+  if (!graph.is_job) names = frame_wants();
+  wanted.clear();
+  for (const std::string& name : names) {
+    const ResourceIndex resource = find_resource(graph, name);
+    if (std::find(wanted.begin(), wanted.end(), resource) == wanted.end()) wanted.push_back(resource);
+  }
+}
+
 /// Everything that is decided before the first byte is allocated.
 void Executor::State::plan_memory(const std::vector<std::string>& features) {
   open_device();
@@ -210,17 +218,18 @@ void Executor::State::plan_memory(const std::vector<std::string>& features) {
     resource.width = planned_environment[0];
     resource.height = planned_environment[1];
   }
-  wanted.clear();
-  wanted.push_back(graph.output);
-  for (const std::string& name : kept_names) {
-    const ResourceIndex resource = find_resource(graph, name);
-    if (std::find(wanted.begin(), wanted.end(), resource) == wanted.end()) wanted.push_back(resource);
-  }
+  find_wanted();
+  resources.resize(graph.resources.size());
+  place_lasting();
   prune(graph, wanted, planned_features);
   weave_loops(graph);
-  order = variant.order == 0 ? graph::order(graph)
-                             : std::move(find_orders(graph, variant.order + 1).orders.at(variant.order));
-  resources.resize(graph.resources.size());
+  if (variant.order == 0) {
+    order = graph::order(graph);
+    if (graph.is_job && services.checks) wave_orders.push_back(find_orders(graph, kMostOrders));
+  } else {
+    std::vector<Order> orders = find_orders(graph, variant.order + 1).orders;
+    order = std::move(orders[std::min(variant.order, orders.size() - 1)]);  // of a job's waves, not all have as many
+  }
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     ResourceIndex first = i;
     const bool shares_memory =
@@ -338,6 +347,15 @@ void Executor::State::find_needs() {
       if (resource.format == VK_FORMAT_UNDEFINED) {
         throw Error(HEDDLE_BUG, fmt::format("resource '{}' has no format: neither its descriptor nor declare gave one",
                                             resource.name));
+      }
+      if (resource.width == 0 || resource.height == 0) {
+        throw Error(HEDDLE_BAD_INPUT,
+                    Diagnostic{Severity::kError,
+                               graph.passes[maker_of(graph, resource)].where,
+                               fmt::format("'{}' is as large as the frame, and this job says no extent", resource.name),
+                               {},
+                               "extent = [width, height], in pixels, above the first [[pass]]",
+                               {}});
       }
       need = device->image_requirements(image_shape(resource));
     } else {
@@ -578,6 +596,8 @@ vulkan::Constants Executor::State::constants(const vulkan::CompiledShader& shade
 
 void Executor::State::write_parameters(PassState& state) {
   if (state.layout.size == 0) return;
+  // Frames in flight read what is there; what replaces it ends with the next frame, which is after them.
+  if (state.parameters && !in_flight.empty()) outgrown_buffers.push_back(std::move(state.parameters));
   if (!state.parameters) {
     state.parameters = device->make_buffer(
         state.layout.size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, true);

@@ -35,7 +35,7 @@ const scene::PlacedBatches& Executor::State::place(SurfacesState& made) {
   made.is_placed = true;
   const auto bytes = std::as_bytes(made.placed.instances());
   if (bytes.empty()) return made.placed;
-  if (!made.instances || made.instances.size() < bytes.size()) {
+  if (!made.instances || made.instances.size() < bytes.size() || !in_flight.empty()) {
     if (made.instances) frame_buffers.push_back(std::move(made.instances));
     made.instances = device->make_buffer(bytes.size(), VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, true);
   }

@@ -73,6 +73,10 @@ class DescriptorReader {
     technique.fallback = optional_text(source.fallback, "fallback");
     if (source.loop != nullptr) technique.loop = read_loop(*source.loop, source.iterations != nullptr);
     technique.components = split_words(optional_text(source.components, "components"));
+    if ((source.save_state == nullptr) != (source.load_state == nullptr)) {
+      complain("save_state and load_state go together", source.save_state != nullptr ? "save_state" : "load_state",
+               "both, or neither");
+    }
     finish();
     problems_ = broken_rules(technique, where_);
     finish();

@@ -19,7 +19,7 @@ namespace {
 constexpr std::uint32_t kFormat = 3;
 
 // Words of the enumerations, in the order of their values in plugin.h.
-constexpr std::array<std::string_view, 4> kPortTypes{"image", "buffer", "value", "surfaces"};
+constexpr std::array<std::string_view, 6> kPortTypes{"image", "buffer", "value", "surfaces", "artifact", "report"};
 constexpr std::array<std::string_view, 3> kDirections{"in", "out", "inout"};
 constexpr std::array<std::string_view, 5> kPortFlags{"optional", "kept", "cube", "rewritten", "list"};
 constexpr std::array<std::string_view, 2> kExtentRules{"frame", "absolute"};

@@ -53,6 +53,9 @@ bool fits_port(std::uint32_t access, PortType type) {
       return access == HEDDLE_ACCESS_VALUE || is_host_access(access);
     case PortType::kSurfaces:
       return access == HEDDLE_ACCESS_DRAW || access == HEDDLE_ACCESS_HOST_READ || access == HEDDLE_ACCESS_BATCHES;
+    case PortType::kArtifact:
+    case PortType::kReport:
+      return access == HEDDLE_ACCESS_VALUE;
   }
   return true;  // an unknown type is complained of once, as the port's
 }
@@ -126,7 +129,7 @@ class Rules {
     const std::string what = fmt::format("port '{}'", port.name);
     check_flags(what, port.flags,
                 HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE | HEDDLE_PORT_REWRITTEN | HEDDLE_PORT_LIST);
-    bool is_known = check_choice(what, "type", static_cast<std::uint32_t>(port.type), HEDDLE_PORT_SURFACES);
+    bool is_known = check_choice(what, "type", static_cast<std::uint32_t>(port.type), HEDDLE_PORT_REPORT);
     is_known = check_choice(what, "direction", static_cast<std::uint32_t>(port.direction), HEDDLE_INOUT) && is_known;
     is_known = check_choice(what, "extent_rule", port.extent_rule, HEDDLE_EXTENT_ABSOLUTE) && is_known;
     if (!is_known) return;
@@ -158,7 +161,19 @@ class Rules {
     if (!port.glsl.empty() && port.type != PortType::kBuffer && port.type != PortType::kValue) {
       complain(what + ": glsl belongs to buffers and values");
     }
+    if (lasts(port.type)) check_lasting(port, what);
     check_list(port, what);
+  }
+
+  void check_lasting(const Port& port, const std::string& what) {
+    const bool is_report = port.type == PortType::kReport;
+    if (port.direction != Direction::kOut && (is_report || port.direction == Direction::kInout)) {
+      complain(what + ": the direction does not fit its type", is_report ? "a report" : "an artifact that is changed",
+               is_report ? "HEDDLE_OUT" : "HEDDLE_IN or HEDDLE_OUT");
+    }
+    if ((port.flags & ~HEDDLE_PORT_OPTIONAL) != 0 || port.byte_size != 0) {
+      complain(what + ": artifacts and reports have no size and no flags but HEDDLE_PORT_OPTIONAL");
+    }
   }
 
   // Made surfaces lie in buffers that the technique makes, and one stage says what is in them.
@@ -218,7 +233,8 @@ class Rules {
     const Port* newest = technique_.find_port(port.previous_of);
     const bool is_block = port.type == PortType::kImage || port.type == PortType::kBuffer;
     if (newest == nullptr || newest->direction == Direction::kIn || newest->type != port.type ||
-        port.direction != Direction::kIn || port.type == PortType::kSurfaces || (is_block && !newest->is_kept())) {
+        port.direction != Direction::kIn || port.type == PortType::kSurfaces || lasts(port.type) ||
+        (is_block && !newest->is_kept())) {
       complain(what + ": previous_of names nothing that it could read", fmt::format("\"{}\"", port.previous_of),
                "for an input: an output of its type, images and buffers HEDDLE_PORT_KEPT");
     }
@@ -340,9 +356,17 @@ class Rules {
                  stage.kind == StageKind::kCpu ? "HOST_READ, HOST_WRITE, VALUE or BATCHES in a cpu stage"
                                                : "no HOST_READ and no HOST_WRITE in a gpu stage");
       }
+      if (stage.kind == StageKind::kGpu) check_not_lasting(access, what);
     }
     check_latency(stage, what);
     if (stage.cached_by) check_cached(stage, what);
+  }
+
+  void check_not_lasting(const Access& access, const std::string& what) {
+    const Port* port = technique_.find_port(access.port);
+    if (port != nullptr && lasts(port->type)) {
+      complain(fmt::format("{}: access to '{}': artifacts and reports are for cpu stages", what, access.port));
+    }
   }
 
   // What is kept on disk depends on nothing that its key lacks, and is all that the stage does.
@@ -437,6 +461,7 @@ class Rules {
         complain(fmt::format("{}: access to '{}' is not for functions", what, access.port),
                  fmt::format("HEDDLE_ACCESS {}", access.access), "SAMPLED*, STORAGE_*, VALUE or APPEND");
       }
+      check_not_lasting(access, what);
     }
     check_calls(what, function.calls);
   }

@@ -46,7 +46,7 @@ Box bounding_box(const std::array<glm::vec3, 2>& bounds, const HeddleInstance& i
   return box;
 }
 
-Frustum::Frustum(const HeddleView& view) {
+Frustum::Frustum(const HeddleView& view, const glm::dvec3& from) : shift_{from, kDotError * glm::abs(from)} {
   // Inside: -w <= x <= w, -w <= y <= w, 0 <= z <= w. Each is a sum of two rows of the matrix that the shader multiplies
   // with; the plane z >= 0 of an infinite projection excludes nothing by itself.
   const auto element = [&](int row, int column) { return static_cast<double>(view.clip_from_rel[4 * column + row]); };
@@ -74,7 +74,8 @@ Frustum::Frustum(const HeddleView& view) {
   }
 }
 
-bool Frustum::excludes(const Box& box) const {
+bool Frustum::excludes(const Box& given) const {
+  const Box box{given.centre + shift_.centre, given.half + shift_.half};
   const glm::dvec3 farthest = glm::abs(box.centre) + box.half;
   for (const Plane& plane : planes_) {
     const double greatest = glm::dot(plane.normal, box.centre) + plane.offset +
@@ -85,7 +86,8 @@ bool Frustum::excludes(const Box& box) const {
   return false;
 }
 
-bool Frustum::contains(const Box& box) const {
+bool Frustum::contains(const Box& given) const {
+  const Box box{given.centre + shift_.centre, given.half + shift_.half};
   return std::all_of(planes_.begin(), planes_.end(), [&](const Plane& plane) {
     return glm::dot(plane.normal, box.centre) + plane.offset - glm::dot(glm::abs(plane.normal), box.half) >= 0;
   });

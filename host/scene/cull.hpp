@@ -20,7 +20,8 @@ Box bounding_box(const std::array<glm::vec3, 2>& bounds, const HeddleInstance& i
 /// The clip volume of a view: any projection, infinite far planes too.
 class Frustum {
  public:
-  explicit Frustum(const HeddleView& view);
+  /// `from`: where boxes are relative to, seen from where the view is relative to.
+  explicit Frustum(const HeddleView& view, const glm::dvec3& from = glm::dvec3(0.0));
   /// No point of the box can be drawn. Never true of a box or view that holds a NaN.
   [[nodiscard]] bool excludes(const Box& box) const;
   /// Every point of the box is in view, up to rounding.
@@ -34,6 +35,7 @@ class Frustum {
     double offset_slack = 0;
   };
   std::array<Plane, 6> planes_;
+  Box shift_;  // what is added to boxes; its half is what vertices may be rounded by when they are placed once more
 };
 
 /// Boxes of instances in draw order, and of runs of them, which decide for many at once where neighbours in the order

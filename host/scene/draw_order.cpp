@@ -54,20 +54,26 @@ void append_triangles(const Mesh& mesh, const DepthOf& depth_of, std::vector<std
 }  // namespace
 
 OrderedDraws order_back_to_front(const Scene& scene, std::span<const DrawSource> sources, const HeddleView& view,
-                                 const glm::dvec3& origin, bool sorts_triangles) {
+                                 const glm::dvec3& origin, bool sorts_triangles, const Frustum* frustum) {
+  OrderedDraws ordered;
   std::vector<Placed> placed;
   for (std::size_t s = 0; s < sources.size(); ++s) {
     const DrawSource& source = sources[s];
     for (const DrawGroup* group : source.groups) {
-      for (const auto& command : source.list.commands.subspan(group->first_command, group->command_count)) {
-        for (std::uint32_t slot = command.firstInstance; slot < command.firstInstance + command.instanceCount; ++slot) {
-          if (!source.is_gone.empty() && source.is_gone[slot] != 0) continue;
+      const VisibleDraws visible = source.list.visible(*group, frustum, source.is_gone);
+      ordered.drawn += visible.drawn;
+      ordered.culled += visible.culled;
+      const VkDrawIndexedIndirectCommand* command = &source.list.commands[group->first_command];
+      for (const VkDrawIndexedIndirectCommand& part : visible.commands) {
+        // What is visible are parts of the group's commands, in their order.
+        while (part.firstInstance >= command->firstInstance + command->instanceCount) ++command;
+        for (std::uint32_t slot = part.firstInstance; slot < part.firstInstance + part.instanceCount; ++slot) {
           Placed one;
           one.slot = slot;
           one.instance = source.list.order[slot];
           one.source = s;
           one.group = group;
-          one.command = &command;
+          one.command = command;
           const Instance& instance = scene.instances[one.instance];
           const auto& bounds = source.made != nullptr ? source.made->bounds(slot) : scene.meshes[instance.mesh].bounds;
           const glm::dvec3 centre = 0.5 * (glm::dvec3(bounds[0]) + glm::dvec3(bounds[1]));
@@ -82,7 +88,6 @@ OrderedDraws order_back_to_front(const Scene& scene, std::span<const DrawSource>
     return std::tie(a.instance, a.source, a.slot) < std::tie(b.instance, b.source, b.slot);
   });
 
-  OrderedDraws ordered;
   for (std::size_t i = 0; i < placed.size(); ++i) {
     const Placed& one = placed[i];
     const Instance& instance = scene.instances[one.instance];

@@ -27,12 +27,14 @@ struct OrderedDraws {
   std::vector<OrderedDraw> draws;
   std::vector<std::uint32_t>
       indices;  // what first_index of the scene's meshes counts in; empty: SceneBuffers::indices()
+  std::uint32_t drawn = 0, culled = 0;  // instances
 };
 
 /// The instances of all sources by the depth of their bounds' centre along the view's axis, in float64, farthest first;
 /// of equal ones the scene's first one first. With `sorts_triangles` the triangles of each instance of the scene's
-/// meshes as well, by the depth of their centroids. `origin` is the frame's.
+/// meshes as well, by the depth of their centroids. `origin` is the frame's. Instances that `frustum` excludes are left
+/// out before anything is sorted; null: none is.
 OrderedDraws order_back_to_front(const Scene& scene, std::span<const DrawSource> sources, const HeddleView& view,
-                                 const glm::dvec3& origin, bool sorts_triangles);
+                                 const glm::dvec3& origin, bool sorts_triangles, const Frustum* frustum = nullptr);
 
 }  // namespace heddle::scene

@@ -336,7 +336,7 @@ std::vector<Value> read_elements(const Document& document, const tinygltf::Acces
       stride = given != 0 ? given : element;
     }
     const std::size_t span =
-        accessor.count == 0 ? 0 : checked_product(document, accessor.count - 1, stride, what) + element;
+        accessor.count == 0 ? 0 : checked_product(document, accessor.count, stride, what) - stride + element;
     data = view_bytes(document, accessor.bufferView, accessor.byteOffset, span, what);
   } else if (accessor.count > kMaximumZeros) {
     document.fail(fmt::format("{}: an accessor without data claims too many elements", what),

@@ -80,10 +80,19 @@ struct Instance {
   glm::dmat4 previous_scene_from_object{1.0};
 };
 
+/// What a rectangle light shines with, and its mip chain; never changes once made, so lights share it.
+struct LightTexture {
+  std::uint32_t width = 0, height = 0;
+  std::uint32_t level_count = 0;
+  std::vector<glm::vec4> texels;  // of all levels, the finest first
+  std::uint64_t revision = 0;     // differs from every other's
+};
+
 struct Light {
   std::string name;
   glm::dvec3 position{0.0};
   HeddleLight record{};
+  std::shared_ptr<const LightTexture> texture;  // null: none; of rectangles alone it is seen
 };
 
 struct Camera {

@@ -8,6 +8,7 @@
 #include <tuple>
 #include <utility>
 
+#include "scene/light_texture.hpp"
 #include "scene/texture_groups.hpp"
 
 namespace heddle::scene {
@@ -32,10 +33,10 @@ bool is_mirrored(const Instance& instance) {
   return glm::determinant(glm::dmat3(instance.scene_from_object)) < 0;
 }
 
-/// Fills a buffer, made anew if it does not fit exactly: sizes change only with the content.
+/// Fills a buffer, made anew if it does not fit exactly: sizes change only with content and order.
 template <typename Element>
-void fill(vulkan::Device& device, vulkan::Buffer& buffer, const std::vector<Element>& elements,
-          VkBufferUsageFlags usage) {
+void fill(vulkan::Device& device, const SceneBuffers::Upload& upload, vulkan::Buffer& buffer,
+          const std::vector<Element>& elements, VkBufferUsageFlags usage) {
   const std::span<const std::byte> bytes = std::as_bytes(std::span(elements));
   const std::size_t size = std::max(bytes.size(), kMinimumBytes);
   if (!buffer || buffer.size() != size) {
@@ -45,9 +46,9 @@ void fill(vulkan::Device& device, vulkan::Buffer& buffer, const std::vector<Elem
   if (bytes.size() < kMinimumBytes) {
     std::array<std::byte, kMinimumBytes> padded{};
     std::copy(bytes.begin(), bytes.end(), padded.begin());
-    device.upload(buffer, 0, padded);
+    upload(buffer, 0, padded);
   } else {
-    device.upload(buffer, 0, bytes);
+    upload(buffer, 0, bytes);
   }
 }
 
@@ -111,15 +112,19 @@ struct SceneBuffers::State {
   GroupedDraws draws;                   // geometries: meshes
   InstanceBoxes boxes;                  // in draw order
   std::vector<std::uint8_t> flips;      // by scene's instance
+  std::vector<Look> looks;              // by scene's instance
   std::vector<HeddleMaterial> records;  // as uploaded
   std::uint64_t content_revision = 0, motion_revision = 0;
   glm::dvec3 origin{0.0};
+  Upload upload;  // of the update that runs
 
+  [[nodiscard]] bool is_turned(const Scene& scene) const;
   void upload_meshes(const Scene& scene);
   void upload_shapes(const Scene& scene);
   void upload_materials(const Scene& scene);
   void sort_draws(const Scene& scene);
   void upload_instances(const Scene& scene);
+  void find_looks(const Scene& scene);
 };
 
 void SceneBuffers::State::upload_meshes(const Scene& scene) {
@@ -148,8 +153,8 @@ void SceneBuffers::State::upload_meshes(const Scene& scene) {
     throw Error(HEDDLE_UNSUPPORTED, fmt::format("the scene has {} vertices and {} indices, more than a draw can reach",
                                                 all_vertices.size(), all_indices.size()));
   }
-  fill(device, vertices, all_vertices, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-  fill(device, indices, all_indices, VK_BUFFER_USAGE_INDEX_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  fill(device, upload, vertices, all_vertices, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
+  fill(device, upload, indices, all_indices, VK_BUFFER_USAGE_INDEX_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
 }
 
 /// Brings this frame's and the last one's shapes of what bends to the device, each once, and lets the draws use them.
@@ -166,8 +171,8 @@ void SceneBuffers::State::upload_shapes(const Scene& scene) {
       }
       const std::size_t slot = 1 - kept;
       range.shapes[slot] = 0;  // of nothing, if the upload fails
-      device.upload(vertices, static_cast<std::uint64_t>(range.vertex_offsets[slot]) * sizeof(HeddleVertex),
-                    std::as_bytes(std::span(shape_vertices)));
+      upload(vertices, static_cast<std::uint64_t>(range.vertex_offsets[slot]) * sizeof(HeddleVertex),
+             std::as_bytes(std::span(shape_vertices)));
       range.shapes[slot] = shape;
       return slot;
     };
@@ -186,7 +191,7 @@ void SceneBuffers::State::upload_shapes(const Scene& scene) {
   for (std::size_t i = 0; i < draws.commands.size(); ++i) {
     draws.commands[i].vertexOffset = meshes[draws.geometries[i]].vertex_offset();
   }
-  fill(device, commands, draws.commands, kCommandUsage);
+  fill(device, upload, commands, draws.commands, kCommandUsage);
 }
 
 void SceneBuffers::State::upload_materials(const Scene& scene) {
@@ -206,7 +211,7 @@ void SceneBuffers::State::upload_materials(const Scene& scene) {
     record.id = static_cast<std::uint32_t>(i);
     records.push_back(record);
   }
-  fill(device, materials, records, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  fill(device, upload, materials, records, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
 }
 
 void SceneBuffers::State::sort_draws(const Scene& scene) {
@@ -223,7 +228,7 @@ void SceneBuffers::State::sort_draws(const Scene& scene) {
     return VkDrawIndexedIndirectCommand{meshes[mesh].index_count, 0, meshes[mesh].first_index,
                                         meshes[mesh].vertex_offset(), 0};
   });
-  fill(device, commands, draws.commands, kCommandUsage);
+  fill(device, upload, commands, draws.commands, kCommandUsage);
 }
 
 void SceneBuffers::State::upload_instances(const Scene& scene) {
@@ -237,7 +242,19 @@ void SceneBuffers::State::upload_instances(const Scene& scene) {
     list_boxes.push_back(bounding_box(scene.meshes[mesh].bounds, list.back()));
   }
   boxes.assign(std::move(list_boxes));
-  fill(device, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  fill(device, upload, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+}
+
+void SceneBuffers::State::find_looks(const Scene& scene) {
+  looks.clear();
+  for (const Instance& instance : scene.instances) {
+    Look look;
+    look.add(instance.mesh);
+    look.add(scene.meshes.at(instance.mesh).shape);
+    for (int column = 0; column < 4; ++column)
+      for (int row = 0; row < 4; ++row) look.add(std::bit_cast<std::uint64_t>(instance.scene_from_object[column][row]));
+    looks.push_back(look);
+  }
 }
 
 SceneBuffers::SceneBuffers(vulkan::Device& device, VkDescriptorSetLayout materials_layout)
@@ -245,12 +262,35 @@ SceneBuffers::SceneBuffers(vulkan::Device& device, VkDescriptorSetLayout materia
 
 SceneBuffers::~SceneBuffers() = default;
 
-void SceneBuffers::update(const Scene& scene, const glm::dvec3& origin) {
+/// An instance was mirrored, or is no longer: draws are sorted by it.
+bool SceneBuffers::State::is_turned(const Scene& scene) const {
+  for (std::size_t i = 0; i < scene.instances.size(); ++i)
+    if (is_mirrored(scene.instances[i]) != (flips[i] != 0)) return true;
+  return false;
+}
+
+bool SceneBuffers::update_remakes(const Scene& scene) const {
+  if (state_->content_revision != scene.content_revision) return true;
+  return state_->motion_revision != scene.motion_revision && state_->is_turned(scene);
+}
+
+void SceneBuffers::forget() {
+  state_->content_revision = 0;
+}
+
+void SceneBuffers::update(const Scene& scene, const glm::dvec3& origin, const Upload& upload) {
   State& state = *state_;
   const bool is_new = state.content_revision != scene.content_revision;
   const bool has_moved = is_new || state.motion_revision != scene.motion_revision;
   if (!has_moved && state.origin == origin) {
     return;
+  }
+  const bool is_remade = update_remakes(scene);
+  if (is_remade || !upload) {
+    state.upload = [&device = state.device](const vulkan::Buffer& target, std::uint64_t offset,
+                                            std::span<const std::byte> bytes) { device.upload(target, offset, bytes); };
+  } else {
+    state.upload = upload;
   }
   // Until all is done the buffers belong to no revision: after an error half way, the next call starts over.
   state.content_revision = 0;
@@ -262,14 +302,13 @@ void SceneBuffers::update(const Scene& scene, const glm::dvec3& origin) {
   if (has_moved) {
     state.upload_shapes(scene);
   }
-  bool is_turned = is_new;
-  for (std::size_t i = 0; has_moved && !is_turned && i < scene.instances.size(); ++i) {
-    is_turned = is_mirrored(scene.instances[i]) != (state.flips[i] != 0);
-  }
-  if (is_turned) {
+  if (is_remade) {
     state.sort_draws(scene);
   }
   state.upload_instances(scene);
+  if (has_moved) {
+    state.find_looks(scene);
+  }
   state.content_revision = scene.content_revision;
   state.motion_revision = scene.motion_revision;
 }
@@ -292,6 +331,9 @@ const vulkan::Buffer& SceneBuffers::commands() const {
 std::span<const DrawGroup> SceneBuffers::groups() const {
   return state_->draws.groups;
 }
+std::span<const Look> SceneBuffers::looks() const {
+  return state_->looks;
+}
 std::span<const std::uint32_t> SceneBuffers::order() const {
   return state_->draws.order;
 }
@@ -311,8 +353,10 @@ VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
 std::vector<HeddleLight> SceneBuffers::lights(const Scene& scene, const glm::dvec3& origin) {
   std::vector<HeddleLight> lights;
   lights.reserve(scene.lights.size());
+  const std::vector<const LightTexture*> textures = light_textures(scene);
   for (const Light& light : scene.lights) {
     HeddleLight record = light.record;
+    record.texture = light_texture_number(light, textures);
     const glm::dvec3 position_rel = light.position - origin;
     for (int i = 0; i < 3; ++i) {
       record.position_rel[i] = static_cast<float>(position_rel[i]);

@@ -4,10 +4,13 @@
 #pragma once
 
 #include "scene/cull.hpp"
+#include "scene/look.hpp"
 #include "scene/scene.hpp"
 #include "vulkan/device.hpp"
 
 #include <heddle/plugin.h>
+
+#include <functional>
 
 namespace heddle::scene {
 
@@ -78,9 +81,16 @@ class SceneBuffers {
   SceneBuffers(const SceneBuffers&) = delete;
   SceneBuffers& operator=(const SceneBuffers&) = delete;
 
+  /// Brings bytes into a buffer of the device.
+  using Upload = std::function<void(const vulkan::Buffer&, std::uint64_t offset, std::span<const std::byte>)>;
   /// Uploads what changed since the last call; instances relative to `origin`, previous places too. A mesh that bends
-  /// has room for two shapes, which take turns.
-  void update(const Scene& scene, const glm::dvec3& origin);
+  /// has room for two shapes, which take turns. Unless update_remakes, all of it is brought by `upload` (none: at once)
+  /// into buffers that stay.
+  void update(const Scene& scene, const glm::dvec3& origin, const Upload& upload = {});
+  /// The next update makes buffers, textures or draws anew: nothing that was submitted may still use them.
+  [[nodiscard]] bool update_remakes(const Scene& scene) const;
+  /// The next update starts over: what the last one handed to `upload` did not reach the device.
+  void forget();
 
   [[nodiscard]] const vulkan::Buffer& vertices() const;   // HeddleVertex
   [[nodiscard]] const vulkan::Buffer& indices() const;    // uint32
@@ -91,6 +101,9 @@ class SceneBuffers {
   [[nodiscard]] std::span<const DrawGroup> groups() const;
   /// The scene's instances in draw order: which one each of instances() is.
   [[nodiscard]] std::span<const std::uint32_t> order() const;
+  /// Of each of the scene's instances: differs where its place or its mesh's shape does. What meshes and materials are
+  /// made of is the content revision's.
+  [[nodiscard]] std::span<const Look> looks() const;
   /// Of the scene's mesh of that number.
   [[nodiscard]] const MeshRange& mesh(std::uint32_t index) const;
   /// What bends is judged by its shape of now.

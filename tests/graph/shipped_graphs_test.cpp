@@ -65,7 +65,7 @@ void prove(const std::string& file, const Registry& registry, std::span<const st
 class ShippedGraphs : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedGraphs, ResolveWithEveryBarrierProven) {
-  const std::vector<std::string> features{"blended", "environment", "subdivision.surface"};
+  const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface"};
   prove(GetParam(), test_support::shared_registry(), {});
   prove(GetParam(), test_support::shared_registry(), features);
 }
@@ -75,11 +75,11 @@ TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
   if (!std::filesystem::exists(plugins)) GTEST_SKIP() << "no plugins are built in " << plugins;
   const Registry registry({plugins});
   for (const char* id :
-       {"sky/procedural", "sky/uniform", "sky/environment_map", "subdivision/catmull_clark", "gbuffer/raster",
-        "ambient_occlusion/gtao", "ambient_occlusion/ray_traced", "shadow/shadow_map", "shadow/ray_marched_screen",
-        "surface_material/ggx", "lighting/deferred", "transparency/sorted", "display/linear"})
+       {"sky/procedural", "sky/uniform", "sky/environment_map", "subdivision/catmull_clark", "gbuffer/raster", "ambient_occlusion/gtao",
+        "ambient_occlusion/ray_traced", "shadow/shadow_map", "shadow/ray_marched_screen", "surface_material/ggx",
+        "light_assignment/tiled", "light_count/heat_map", "lighting/deferred", "transparency/sorted", "display/linear"})
     if (registry.find(id).technique == nullptr) GTEST_SKIP() << id << " is not built";
-  const std::vector<std::string> features{"blended", "environment", "subdivision.surface"};
+  const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface"};
   prove(GetParam(), registry, {});
   prove(GetParam(), registry, features);
 }

@@ -3,6 +3,7 @@
 // and shows the mean. The reference of the role.
 #include <heddle/pass.hpp>
 
+#include "moved_view.hpp"
 #include "sequence.hpp"
 
 namespace {
@@ -43,22 +44,6 @@ constexpr heddle_shader kShaders[] = {
 constexpr heddle_override kOverrides[] = {override_of("camera", "sample_camera")};
 constexpr heddle_loop kLoop = loop(kOverrides, "radiance");
 
-/// README equation (4): every raster position moves by the jitter, in float64 from the matrices as they are.
-HeddleView moved(HeddleView view, double x_px, double y_px) {
-  const double x = 2.0 * x_px / view.extent[0];
-  const double y = 2.0 * y_px / view.extent[1];
-  for (std::size_t i = 0; i < 4; ++i) {
-    float* column = view.clip_from_rel + 4 * i;
-    column[0] = static_cast<float>(column[0] + x * column[3]);
-    column[1] = static_cast<float>(column[1] + y * column[3]);
-    float* back = view.rel_from_clip;
-    back[12 + i] = static_cast<float>(back[12 + i] - x * back[i] - y * back[4 + i]);
-  }
-  view.jitter[0] = static_cast<float>(view.jitter[0] + x_px);
-  view.jitter[1] = static_cast<float>(view.jitter[1] + y_px);
-  return view;
-}
-
 class Supersampled {
  public:
   explicit Supersampled(const PassHost& host) : host_(host) {}
@@ -90,7 +75,7 @@ class Supersampled {
     const auto sequence = static_cast<supersampled::Sequence>(host_.choice("sequence"));
     const auto filter = static_cast<supersampled::Filter>(host_.choice("filter"));
     const supersampled::Point offset = supersampled::sample_offset(sequence, filter, frame.info().iteration);
-    const HeddleView view = moved(camera[0], -offset[0], -offset[1]);
+    const HeddleView view = sampling::moved(camera[0], -offset[0], -offset[1]);
     return frame.set_value("sample_camera", std::span(&view, 1));
   }
 
@@ -105,14 +90,10 @@ class Supersampled {
 };
 
 constexpr heddle_technique kSupersampled = [] {
-  heddle_technique t =
-      technique<Supersampled>("antialiasing/supersampled", "The mean of n moved cameras",
-                              "Roberts, 2018, The Unreasonable Effectiveness of Quasirandom Sequences");
+  heddle_technique t = technique<Supersampled>("antialiasing/supersampled", "The mean of n moved cameras",
+                                               "Roberts, 2018, The Unreasonable Effectiveness of Quasirandom Sequences",
+                                               kPorts, kParameters, kStages, kShaders);
   t.flags = HEDDLE_TECHNIQUE_REFERENCE;
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
   t.loop = &kLoop;
   return t;
 }();

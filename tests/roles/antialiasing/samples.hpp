@@ -53,4 +53,13 @@ inline std::string samples(int count) {
   return "aa.params.samples=" + std::to_string(count);
 }
 
+/// Settings for a technique that takes all samples in the first frame.
+inline std::vector<std::string> at_once(const std::string& technique, int count,
+                                        const std::vector<std::string>& more = {}) {
+  std::vector<std::string> settings{"aa.technique=" + technique, samples(count)};
+  if (technique == "multiframe") settings.emplace_back("aa.params.samples_per_frame=0");
+  settings.insert(settings.end(), more.begin(), more.end());
+  return settings;
+}
+
 }  // namespace antialiasing

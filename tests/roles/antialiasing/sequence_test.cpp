@@ -10,6 +10,8 @@
 namespace supersampled {
 namespace {
 
+using namespace sampling;
+
 constexpr std::array kSequences{Sequence::kR2, Sequence::kHalton, Sequence::kRandom};
 constexpr std::array kFilters{Filter::kBox, Filter::kTent, Filter::kGaussian};
 

@@ -2,72 +2,12 @@
 // antialiasing/supersampled: its error over samples against theory, progressive frames against the reference mode, and
 // what a frame costs by counters.
 #include "antialiasing/supersampled/sequence.hpp"
-#include "roles/antialiasing/samples.hpp"
+#include "roles/antialiasing/edges.hpp"
 #include "roles/readme.hpp"
 
 namespace {
 
 using namespace antialiasing;
-
-/// Area of the unit square around 0 where dot(normal, p) > distance: the polygon that is left of the square, by the
-/// shoelace formula.
-double covered(double angle, double distance) {
-  const double nx = std::cos(angle);
-  const double ny = std::sin(angle);
-  std::vector<std::array<double, 2>> square{{-0.5, -0.5}, {0.5, -0.5}, {0.5, 0.5}, {-0.5, 0.5}};
-  std::vector<std::array<double, 2>> left;
-  for (std::size_t i = 0; i < square.size(); ++i) {
-    const auto& a = square[i];
-    const auto& b = square[(i + 1) % square.size()];
-    const double da = nx * a[0] + ny * a[1] - distance;
-    const double db = nx * b[0] + ny * b[1] - distance;
-    if (da > 0) left.push_back(a);
-    if ((da > 0) != (db > 0)) {
-      const double t = da / (da - db);
-      left.push_back({a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])});
-    }
-  }
-  double area = 0;
-  for (std::size_t i = 0; i < left.size(); ++i) {
-    const auto& a = left[i];
-    const auto& b = left[(i + 1) % left.size()];
-    area += 0.5 * (a[0] * b[1] - b[0] * a[1]);
-  }
-  return area;
-}
-
-/// Root mean square over 4096 pixels of what n samples say of their half planes, less the truth.
-double half_plane_error(const std::string& sequence, int count) {
-  Scene scene;
-  Graph graph(edge_text("half_planes"), {samples(count), "aa.params.sequence=" + sequence});
-  const Image image = graph.image(scene);
-  double sum = 0;
-  for (std::uint32_t y = 0; y < 64; ++y) {
-    for (std::uint32_t x = 0; x < 64; ++x) {
-      // The shader hands out its own angle and distance, so that no rounding of fract is in the comparison.
-      const double truth = covered(image.at(x, y, 2), image.at(x, y, 3));
-      sum += std::pow(image.at(x, y, 0) - truth, 2);
-    }
-  }
-  return std::sqrt(sum / 4096);
-}
-
-/// Slope of log error over log count, by least squares.
-double slope_of(const std::vector<std::pair<int, double>>& errors) {
-  double x_mean = 0;
-  double y_mean = 0;
-  for (const auto& [count, error] : errors) {
-    x_mean += std::log(count) / static_cast<double>(errors.size());
-    y_mean += std::log(error) / static_cast<double>(errors.size());
-  }
-  double xy = 0;
-  double xx = 0;
-  for (const auto& [count, error] : errors) {
-    xy += (std::log(count) - x_mean) * (std::log(error) - y_mean);
-    xx += std::pow(std::log(count) - x_mean, 2);
-  }
-  return xy / xx;
-}
 
 TEST(Supersampled, ErrorOfEdgesFallsAsTheSequenceAllows) {
   // Independent points: -1/2. No points do better than -3/4 in root mean square over half planes for long (Alexander
@@ -76,7 +16,8 @@ TEST(Supersampled, ErrorOfEdgesFallsAsTheSequenceAllows) {
   // -0.58 for independent points.
   for (const char* sequence : {"r2", "halton", "random"}) {
     std::vector<std::pair<int, double>> errors;
-    for (const int count : {4, 16, 64, 256, 1024}) errors.emplace_back(count, half_plane_error(sequence, count));
+    for (const int count : {4, 16, 64, 256, 1024})
+      errors.emplace_back(count, half_plane_error({samples(count), std::string("aa.params.sequence=") + sequence}));
     const double slope = slope_of(errors);
     RecordProperty(std::string(sequence) + "_slope", std::to_string(slope));
     for (const auto& [count, error] : errors)
@@ -90,79 +31,18 @@ TEST(Supersampled, ErrorOfEdgesFallsAsTheSequenceAllows) {
   }
 }
 
-/// Area of a pixel inside of a convex polygon (counterclockwise where y points up), by clipping the pixel.
-double covered(const std::vector<std::array<double, 2>>& polygon, double left, double bottom) {
-  std::vector<std::array<double, 2>> rest{
-      {left, bottom}, {left + 1, bottom}, {left + 1, bottom + 1}, {left, bottom + 1}};
-  for (std::size_t e = 0; e < polygon.size(); ++e) {
-    const auto& from = polygon[e];
-    const auto& to = polygon[(e + 1) % polygon.size()];
-    const auto side = [&](const std::array<double, 2>& p) {
-      return (to[0] - from[0]) * (p[1] - from[1]) - (to[1] - from[1]) * (p[0] - from[0]);
-    };
-    std::vector<std::array<double, 2>> clipped;
-    for (std::size_t i = 0; i < rest.size(); ++i) {
-      const auto& a = rest[i];
-      const auto& b = rest[(i + 1) % rest.size()];
-      if (side(a) > 0) clipped.push_back(a);
-      if ((side(a) > 0) == (side(b) > 0)) continue;
-      const double t = side(a) / (side(a) - side(b));
-      clipped.push_back({a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])});
-    }
-    rest = std::move(clipped);
-  }
-  double area = 0;
-  for (std::size_t i = 0; i < rest.size(); ++i) {
-    const auto& b = rest[(i + 1) % rest.size()];
-    area += 0.5 * (rest[i][0] * b[1] - b[0] * rest[i][1]);
-  }
-  return area;
-}
-
 TEST(Supersampled, MeansOfARasterizedTriangleAreTheAreaThatItCovers) {
-  // One unit of the plane z = 0 is half the picture's height. Alpha of radiance is 1 where there is a surface.
-  constexpr int kSize = 32;
-  const std::vector<std::array<double, 2>> corners{{-0.71, -0.62}, {0.83, -0.21}, {-0.13, 0.77}};
-  Scene scene;
-  std::vector<float> positions;
-  std::vector<std::array<double, 2>> in_pixels;
-  for (const auto& corner : corners) {
-    for (const double x : {corner[0], corner[1], 0.0}) positions.push_back(static_cast<float>(x));
-    in_pixels.push_back({(0.5 + 0.5 * corner[0]) * kSize, (0.5 + 0.5 * corner[1]) * kSize});
-  }
-  scene.add_mesh(positions, {}, {0, 1, 2}, dmat4(1.0));
-  scene.look({0, 0, 2}, {0, 0, 0}, 2 * std::atan(0.5));
   constexpr int kCount = 1024;
-  Graph graph(scene_text(kSize), {samples(kCount)});
-  const Image image = graph.image(scene);
-  double squares = 0;
-  int edge_pixels = 0;
-  glm::dvec2 shift(0.0);  // of the centre of gravity
-  double area = 0;
-  for (std::uint32_t y = 0; y < kSize; ++y) {
-    for (std::uint32_t x = 0; x < kSize; ++x) {
-      const double truth = covered(in_pixels, x, kSize - 1.0 - y);
-      const double error = image.at(x, y, 3) - truth;
-      area += truth;
-      shift += error * glm::dvec2(x + 0.5 - 0.5 * kSize, y + 0.5 - 0.5 * kSize);
-      if (truth <= 0 || truth >= 1) {
-        // A pixel whose area an edge misses by less than the rasterizer's grid may be met.
-        EXPECT_LE(std::abs(error), 1.0 / 256) << x << ", " << y;
-        continue;
-      }
-      ++edge_pixels;
-      squares += error * error;
-    }
-  }
+  const TriangleError error = triangle_error({samples(kCount)});
+  // A pixel whose area an edge misses by less than the rasterizer's grid may be met.
+  EXPECT_LE(error.off_edges, 1.0 / 256);
   // The sequence's error in half planes, and that rasterizers place corners on a grid of 1/256 pixel, for each sample
   // anew.
-  EXPECT_GT(edge_pixels, 60);
-  const double rms = std::sqrt(squares / edge_pixels);
-  RecordProperty("rms_of_edge_pixels", std::to_string(rms));
-  EXPECT_LT(rms, 2 * half_plane_error("r2", kCount) + 1.0 / 512);
-  shift /= area;
-  RecordProperty("shift_px", std::to_string(glm::length(shift)));
-  EXPECT_LT(glm::length(shift), 1.0 / 256);
+  EXPECT_GT(error.edge_pixels, 60);
+  RecordProperty("rms_of_edge_pixels", std::to_string(error.rms));
+  EXPECT_LT(error.rms, 2 * half_plane_error({samples(kCount)}) + 1.0 / 512);
+  RecordProperty("shift_px", std::to_string(glm::length(error.shift)));
+  EXPECT_LT(glm::length(error.shift), 1.0 / 256);
 }
 
 TEST(Supersampled, CountsExactlyTheSamplesBesideAVerticalEdge) {

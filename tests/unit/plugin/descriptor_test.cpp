@@ -253,7 +253,7 @@ TEST(Descriptor, WithABadIdIsRefused) {
 
 TEST(Descriptor, WithUnknownEnumerationsIsRefused) {
   EXPECT_EQ(message([](Example& e) { e.ports[0].type = 9; }),
-            told("port 'depth': unknown type\n  found:    9\n  expected: 0 to 3"));
+            told("port 'depth': unknown type\n  found:    9\n  expected: 0 to 5"));
   EXPECT_EQ(message([](Example& e) { e.ports[0].direction = 3; }),
             told("port 'depth': unknown direction\n  found:    3\n  expected: 0 to 2"));
   EXPECT_EQ(message([](Example& e) { e.ports[0].flags = 64; }),
@@ -462,6 +462,38 @@ TEST(Descriptor, OfACachedStageIsRefusedWhereItsKeyWouldLackSomething) {
             told("stage 'fill': it is cached, and 'table' cannot be part of that\n"
                  "  expected: inputs that are no surfaces and no lists, and outputs that it only writes") +
                 "\n" + told("stage 'fill': it is cached, and has no output"));
+}
+
+TEST(Descriptor, OfWhatLastsIsRefusedWhereJobsCannotKeepIt) {
+  const auto lasting = [](std::uint32_t type, const std::function<void(Example&)>& change) {
+    return message([&](Example& e) {
+      e.ports[2].type = type;
+      e.ports[2].glsl = nullptr;
+      e.ports[2].byte_size = 0;
+      for (heddle_access& access : e.accesses)
+        if (access.port != nullptr && std::string_view(access.port) == "table") access.access = HEDDLE_ACCESS_VALUE;
+      change(e);
+    });
+  };
+  EXPECT_EQ(lasting(HEDDLE_PORT_ARTIFACT, [](Example&) {}), "no error");
+  EXPECT_EQ(lasting(HEDDLE_PORT_REPORT, [](Example&) {}), "no error");
+  EXPECT_THAT(lasting(HEDDLE_PORT_ARTIFACT, [](Example& e) { e.ports[2].direction = HEDDLE_INOUT; }),
+              testing::HasSubstr("port 'table': the direction does not fit its type\n"
+                                 "  found:    an artifact that is changed\n  expected: HEDDLE_IN or HEDDLE_OUT"));
+  EXPECT_THAT(lasting(HEDDLE_PORT_REPORT, [](Example& e) { e.ports[2].direction = HEDDLE_IN; }),
+              testing::HasSubstr("port 'table': the direction does not fit its type\n"
+                                 "  found:    a report\n  expected: HEDDLE_OUT"));
+  EXPECT_EQ(lasting(HEDDLE_PORT_ARTIFACT, [](Example& e) { e.ports[2].flags = HEDDLE_PORT_KEPT; }),
+            told("port 'table': artifacts and reports have no size and no flags but HEDDLE_PORT_OPTIONAL"));
+}
+
+TEST(Descriptor, ThatSavesStatesAlsoLoadsThem) {
+  EXPECT_EQ(message([](Example& e) {
+              e.technique.save_state = [](heddle_pass*, const heddle_pass_host*, std::uint32_t, heddle_frame*) {
+                return HEDDLE_OK;
+              };
+            }),
+            told("save_state and load_state go together\n  found:    save_state\n  expected: both, or neither"));
 }
 
 /// A right loop, open to be changed; what broken_rules says of it.

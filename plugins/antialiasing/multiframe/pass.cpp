@@ -1,0 +1,158 @@
+// SPDX-License-Identifier: Apache-2.0
+// antialiasing/multiframe: one sample of each pixel a frame while nothing changes, by a kernel that is made for the
+// number of frames; shows the mean so far, and rests when all are in it.
+#include <heddle/pass.hpp>
+
+#include "kernel.hpp"
+#include "moved_view.hpp"
+
+namespace {
+using namespace heddle::pass;
+
+constexpr heddle_port kPorts[] = {
+    port("radiance", HEDDLE_PORT_IMAGE, HEDDLE_INOUT, "one sample in, the mean so far out [cd/m^2]"),
+    value_in("camera", "the view through the centres of the pixels"),
+    value_out("sample_camera", sizeof(HeddleView), "the view of one sample", "HeddleView sample_camera;"),
+    image_out("mean", VK_FORMAT_R32G32B32A32_SFLOAT, "of the samples so far, as the accumulator holds it",
+              HEDDLE_PORT_KEPT),
+    image_out("residual", VK_FORMAT_R32G32B32A32_SFLOAT, "what the mean lacks, if it is a pair of floats [cd/m^2]",
+              HEDDLE_PORT_KEPT),
+    image_out("weight", VK_FORMAT_R32_SFLOAT, "of all samples in the mean; their number if each weighs 1",
+              HEDDLE_PORT_KEPT),
+};
+constexpr double kSamples[] = {1, 4, 16, 64, 256, 1024};
+constexpr double kAccumulatorLadder[] = {0, 1, 2, 3, 4};
+constexpr const char* kKernels[] = {"poisson", "random", "grid", "r2", "halton", nullptr};
+constexpr const char* kOrders[] = {"own", "farthest", "by_distance", nullptr};
+constexpr const char* kFilters[] = {"box", "tent", "gaussian", nullptr};
+constexpr const char* kAccumulators[] = {"rgba8", "rgba16f", "rgba16", "rgba32f", "float32_pair", nullptr};
+constexpr VkFormat kFormats[] = {VK_FORMAT_R8G8B8A8_UNORM, VK_FORMAT_R16G16B16A16_SFLOAT, VK_FORMAT_R16G16B16A16_UNORM,
+                                 VK_FORMAT_R32G32B32A32_SFLOAT, VK_FORMAT_R32G32B32A32_SFLOAT};
+constexpr std::uint32_t kFloat32Pair = 4;
+constexpr const char* kRoundings[] = {"nearest", "truncate", nullptr};
+constexpr const char* kWeightings[] = {"equal", "compressed", nullptr};
+constexpr heddle_parameter kParameters[] = {
+    knob(integer("samples", "1", 1, 65536, 16, "of each pixel, when all frames are done"), kSamples),
+    integer("samples_per_frame", "1", 0, 65536, 1, "0: all of them in one frame"),
+    choice("kernel", kKernels, 0, "where in a pixel the samples are taken"),
+    choice("order", kOrders, 0,
+           "own: poisson and grid shuffled, r2 and halton as they come; farthest: always far from all before; "
+           "by_distance: from the centre outwards, which clusters"),
+    toggle("centred", true, "the mean place of all samples is the pixel's centre, so that the picture is not shifted"),
+    choice("filter", kFilters, 0, "what a pixel weighs its surroundings with"),
+    parameter("radius", "px", 0, 16, 0, "where the filter ends; 0: box 0.5, tent 1, gaussian 1.5 = three deviations"),
+    integer("seed", "1", 0, 65535, 0, "of kernels that are drawn: poisson, random, and the order of grid"),
+    knob(choice("accumulator", kAccumulators, kFloat32Pair,
+                "what holds the mean: 8, 12, 12, 20 or 36 bytes a pixel with the weight",
+                HEDDLE_PARAMETER_REDECLARE | HEDDLE_PARAMETER_CONSTANT),
+         kAccumulatorLadder),
+    choice("rounding", kRoundings, 0, "of rgba8, rgba16f and rgba16; truncate: as some hardware stores them",
+           HEDDLE_PARAMETER_CONSTANT),
+    choice("weighting", kWeightings, 0, "compressed: 1 / (1 + luminance / white), which keeps bright edges smooth",
+           HEDDLE_PARAMETER_CONSTANT),
+    parameter("exposure", "EV100", -16, 24, 15,
+              "as display's: white is 1.2 * 2^exposure cd/m^2, where rgba8 and rgba16 end"),
+};
+enum StageIndex : std::uint32_t { kMove, kAccumulate, kResolve };
+constexpr heddle_access kMoveAccesses[] = {value("camera"), value("sample_camera")};
+constexpr heddle_access kAccumulateAccesses[] = {sampled("radiance"), storage_read_write("mean"),
+                                                 storage_read_write("residual"), storage_read_write("weight")};
+constexpr heddle_access kResolveAccesses[] = {sampled("mean"), color_target("radiance")};
+constexpr heddle_stage kStages[] = {
+    in_loop(HEDDLE_LOOP_BEFORE, cpu_stage("move", kMoveAccesses)),
+    in_loop(HEDDLE_LOOP_AFTER, gpu_stage("accumulate", kAccumulateAccesses)),
+    gpu_stage("resolve", kResolveAccesses),
+};
+constexpr heddle_shader kShaders[] = {
+    compute_shader("accumulate", "accumulate", "accumulate.comp.glsl"),
+    fullscreen_shader("resolve", "resolve", "resolve.frag.glsl"),
+};
+constexpr heddle_override kOverrides[] = {override_of("camera", "sample_camera")};
+constexpr heddle_loop kLoop = loop(kOverrides, "radiance");
+
+class Multiframe {
+ public:
+  explicit Multiframe(const PassHost& host) : host_(host) {}
+
+  heddle_status declare(const PassHost& host) const {
+    const std::uint32_t accumulator = host.choice("accumulator");
+    const heddle_shape radiance = host.shape("radiance");
+    heddle_shape shape{};
+    shape.width = radiance.width;
+    shape.height = radiance.height;
+    if (const heddle_status status = host.set_shape("weight", shape); status != HEDDLE_OK) return status;
+    shape.format = static_cast<std::uint32_t>(kFormats[accumulator]);
+    if (const heddle_status status = host.set_shape("mean", shape); status != HEDDLE_OK) return status;
+    shape.format = 0;
+    if (accumulator != kFloat32Pair) shape.width = shape.height = 1;
+    return host.set_shape("residual", shape);
+  }
+
+  heddle_status iterations(const heddle_frame_info& info, heddle_iterations& out) {
+    if (info.is_still == 0) done_ = 0;
+    out.total = static_cast<std::uint32_t>(host_.integer("samples"));
+    out.first = done_;
+    out.count = out.total - done_;
+    const auto most = static_cast<std::uint32_t>(host_.integer("samples_per_frame"));
+    if (most != 0) out.count = std::min(out.count, most);
+    done_ += out.count;
+    return HEDDLE_OK;
+  }
+
+  heddle_status execute(const Frame& frame) {
+    const auto camera = frame.value<HeddleView>("camera");
+    if (camera.empty()) return host_.fail(HEDDLE_BUG, "there is no camera");
+    const multiframe::Design wanted = design();
+    if (wanted != design_) {
+      offsets_ = multiframe::sample_offsets(wanted);
+      design_ = wanted;
+    }
+    const multiframe::Point& offset = offsets_[frame.info().iteration];
+    const HeddleView view = sampling::moved(camera[0], -offset[0], -offset[1]);
+    return frame.set_value("sample_camera", std::span(&view, 1));
+  }
+
+  heddle_status record(const Frame& frame) const {
+    const float white = static_cast<float>(1.2 * std::exp2(host_.parameter("exposure")));
+    if (frame.stage() == kResolve) return frame.fullscreen("resolve", 0, white);
+    const struct {
+      std::uint32_t index;
+      float white;
+    } push{frame.info().iteration, white};
+    return frame.dispatch_over("accumulate", "mean", push);
+  }
+
+ private:
+  [[nodiscard]] multiframe::Design design() const {
+    multiframe::Design wanted;
+    wanted.kernel = static_cast<multiframe::Kernel>(host_.choice("kernel"));
+    wanted.order = static_cast<multiframe::Order>(host_.choice("order"));
+    wanted.filter = static_cast<multiframe::Filter>(host_.choice("filter"));
+    wanted.radius_px = host_.parameter("radius");
+    wanted.count = static_cast<std::uint32_t>(host_.integer("samples"));
+    wanted.seed = static_cast<std::uint32_t>(host_.integer("seed"));
+    wanted.is_centred = host_.toggle("centred");
+    return wanted;
+  }
+
+  PassHost host_;
+  std::uint32_t done_ = 0;                  // samples in the mean when the next frame begins, if nothing changes
+  multiframe::Design design_;               // of offsets_; of none before the first frame
+  std::vector<multiframe::Point> offsets_;  // of the samples, in pixels
+};
+
+constexpr heddle_technique kMultiframe = [] {
+  heddle_technique t = technique<Multiframe>(
+      "antialiasing/multiframe", "A mean that grows from frame to frame",
+      "Limberger, Tausche, Linke and Doellner, 2016, Progressive Rendering Using Multi-frame Sampling");
+  t.ports = list(kPorts, t.port_count);
+  t.parameters = list(kParameters, t.parameter_count);
+  t.stages = list(kStages, t.stage_count);
+  t.shaders = list(kShaders, t.shader_count);
+  t.loop = &kLoop;
+  return t;
+}();
+
+}  // namespace
+
+HEDDLE_PLUGIN(kMultiframe)
