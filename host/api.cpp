@@ -6,6 +6,7 @@
 #include "compare/metrics.hpp"
 #include "graph/describe.hpp"
 #include "graph/inspection.hpp"
+#include "graph/report.hpp"
 #include "graph/schema.hpp"
 #include "graph/settings.hpp"
 #include "plugin/list.hpp"
@@ -29,9 +30,6 @@ namespace {
 
 /// Of all artifacts in the cache: hundreds of environments, a small part of a disk.
 constexpr std::uint64_t kMostArtifactBytes = std::uint64_t{4} << 30U;
-
-/// Message of a heddle_create that failed: there is no host to ask then.
-thread_local std::string create_error;
 
 std::vector<std::filesystem::path> split_path(std::string_view text) {
   std::vector<std::filesystem::path> folders;
@@ -65,6 +63,11 @@ std::filesystem::path default_cache_folder() {
 }
 
 }  // namespace
+
+std::string& heddle::api::hostless_error() {
+  thread_local std::string error;
+  return error;
+}
 
 namespace {
 
@@ -104,6 +107,9 @@ bool set_parameters_in_place(heddle_graph& graph, const heddle::graph::ResolvedG
       present.passes.size() != resolved.passes.size() || present.resources.size() != resolved.resources.size()) {
     return false;
   }
+  if (!std::ranges::equal(present.resources, resolved.resources, {}, &heddle::graph::Resource::name,
+                          &heddle::graph::Resource::name))
+    return false;  // another job's artifact
   for (std::size_t i = 0; i < resolved.passes.size(); ++i) {
     const auto& a = present.passes[i];
     const auto& b = resolved.passes[i];
@@ -201,7 +207,7 @@ const char* heddle_version(void) {
 
 heddle_status heddle_create(const heddle_host_options* options, heddle_host** out) {
   *out = nullptr;
-  return guarded(create_error, [&] {
+  return guarded(hostless_error(), [&] {
     const heddle_host_options chosen = options != nullptr ? take(options, "options") : heddle_host_options{};
     auto host = std::make_unique<heddle_host>();
     if (chosen.log != nullptr) {
@@ -222,6 +228,10 @@ heddle_status heddle_create(const heddle_host_options* options, heddle_host** ou
     host->device_name = text_or_empty(chosen.device);
     host->validation = (chosen.flags & HEDDLE_HOST_VALIDATION) != 0;
     host->check = (chosen.flags & HEDDLE_HOST_CHECK) != 0;
+    if (host->check && (chosen.flags & HEDDLE_HOST_LIVE) != 0) {
+      throw Error(HEDDLE_BAD_INPUT, "a host that checks its frames cannot be live",
+                  "leave out one of the two: what is proven is proven of frames that repeat");
+    }
     std::vector<std::filesystem::path> folders;
     if (chosen.plugin_path != nullptr) {
       folders = split_path(chosen.plugin_path);
@@ -235,7 +245,7 @@ heddle_status heddle_create(const heddle_host_options* options, heddle_host** ou
         *host->registry, [raw = host.get()]() -> heddle::vulkan::Device& { return raw->open_device(); }, cache,
         host->log, &host->is_cancelled, host->progress,
         heddle::graph::ArtifactCache(cache.empty() ? cache : cache / "artifacts", kMostArtifactBytes),
-        (chosen.flags & HEDDLE_HOST_REMAKE) != 0});
+        (chosen.flags & HEDDLE_HOST_REMAKE) != 0, host->check, (chosen.flags & HEDDLE_HOST_LIVE) != 0});
     *out = host.release();
   });
 }
@@ -245,7 +255,7 @@ void heddle_destroy(heddle_host* host) {
 }
 
 const char* heddle_error(const heddle_host* host) {
-  return host != nullptr ? host->error.c_str() : create_error.c_str();
+  return host != nullptr ? host->error.c_str() : hostless_error().c_str();
 }
 
 void heddle_cancel(heddle_host* host) {
@@ -343,6 +353,7 @@ namespace {
 heddle::graph::WrittenGraph write_again(const heddle_graph& graph) {
   heddle::graph::WrittenGraph written = graph.read();
   for (const std::string& setting : graph.settings) heddle::graph::apply_setting(written, setting);
+  heddle::graph::read_jobs(written, own_folder() / "graphs");
   return written;
 }
 
@@ -418,6 +429,7 @@ heddle_status heddle_graph_set(heddle_graph* graph, const char* setting) {
   return guarded(graph->host->error, [&] {
     heddle::graph::WrittenGraph written = graph->written;
     heddle::graph::apply_setting(written, setting);
+    heddle::graph::read_jobs(written, own_folder() / "graphs");
     const heddle::graph::ResolvedGraph resolved = heddle::graph::resolve(written, *graph->host->registry);
     if (set_parameters_in_place(*graph, resolved)) {
       graph->written = std::move(written);
@@ -451,11 +463,20 @@ heddle_status heddle_graph_files(heddle_graph* graph, const char** out_json) {
       }
     };
     for (const std::filesystem::path& folder : graph->host->registry->shared_folders()) add_folder(folder);
-    for (const heddle::graph::Pass& pass : graph->executor->graph().passes) {
-      add_folder(pass.entry.manifest->folder);
-      files.insert(pass.entry.manifest->library);
-      if (pass.role != nullptr) files.insert(pass.role->file);
-    }
+    const auto add_passes = [&](const auto& self, const heddle::graph::ResolvedGraph& resolved) -> void {
+      for (const heddle::graph::Pass& pass : resolved.passes) {
+        add_folder(pass.entry.manifest->folder);
+        files.insert(pass.entry.manifest->library);
+        if (pass.role != nullptr) files.insert(pass.role->file);
+        if (!resolved.is_job) continue;
+        for (const heddle::graph::ParameterValue& value : pass.parameters)
+          for (const std::string& name : value.names)
+            if (std::error_code error; std::filesystem::is_regular_file(resolved.folder / name, error))
+              files.insert(resolved.folder / name);
+      }
+      for (const heddle::graph::GraphJob& job : resolved.jobs) self(self, *job.graph);
+    };
+    add_passes(add_passes, graph->executor->graph());
     graph->files = paths_json(files);
     *out_json = graph->files.c_str();
   });
@@ -488,6 +509,18 @@ heddle::graph::FrameOptions frame_options(const heddle_render_options* options) 
   return frame;
 }
 
+void must_be(const heddle_graph& graph, bool is_job) {
+  const heddle::graph::ResolvedGraph& resolved = graph.executor->graph();
+  if (resolved.is_job == is_job) return;
+  heddle::Diagnostic diagnostic;
+  diagnostic.where.file = resolved.file;
+  diagnostic.message =
+      is_job ? "this graph renders frames, and is no job" : "this graph is a job, and renders no frames";
+  diagnostic.help = is_job ? "a job says kind = \"job\"; heddle_render, Graph.render and heddle run render frames"
+                           : "heddle_job_run, Job.run and heddle run run it";
+  throw Error(HEDDLE_BAD_INPUT, std::move(diagnostic));
+}
+
 /// Poses the scene for a frame.
 heddle::graph::FrameOptions prepare_frame(heddle_graph& graph, heddle_scene& scene,
                                           const heddle_render_options* options) {
@@ -502,6 +535,7 @@ heddle::graph::FrameOptions prepare_frame(heddle_graph& graph, heddle_scene& sce
 
 heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene, const heddle_render_options* options) {
   return guarded(graph->host->error, [&] {
+    must_be(*graph, false);
     const heddle::graph::FrameOptions frame = prepare_frame(*graph, *scene, options);
     graph->executor->render(scene->scene, frame);
     scene->scene.settle();
@@ -540,6 +574,7 @@ heddle_status heddle_inspect(heddle_graph* graph, heddle_scene* scene, const hed
       throw Error(HEDDLE_BAD_INPUT, fmt::format("unknown format '{}' of an inspection", kind), "one of text, json");
     }
     if (pixel_count == 0) throw Error(HEDDLE_BAD_INPUT, "no pixel was named to inspect");
+    must_be(*graph, false);
     std::vector<heddle::graph::Pixel> wanted;
     for (uint32_t i = 0; i < pixel_count; ++i) wanted.push_back({pixels[2 * i], pixels[2 * i + 1]});
     const heddle::graph::FrameOptions frame = prepare_frame(*graph, *scene, options);
@@ -573,6 +608,12 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
     const heddle::graph::FrameStats& stats = graph->executor->stats();
     Json json{
         {"frames", stats.frame}, {"wall_ms", stats.wall_ms}, {"submit_ms", stats.submit_ms}, {"stalls", stats.stalls}};
+    const auto waits_json = [](const heddle::graph::WaitStats& waits) {
+      return Json{{"waits", waits.waits}, {"reads", waits.late_reads}, {"stale", waits.stale_reads}};
+    };
+    json["late"] = waits_json(stats.waits);
+    json["late"]["mode"] = graph->host->services->is_live ? "live" : "repeatable";
+    json["late"]["total"] = waits_json(stats.total_waits);
     json["stages"] = Json::array();
     for (const auto& stage : stats.stages) {
       json["stages"].push_back(
@@ -584,6 +625,9 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
       json["lists"].push_back(
           {{"name", list.name}, {"capacity", list.capacity}, {"count", list.count}, {"overflow", list.overflow}});
     }
+    json["counts"] = Json::array();
+    for (const auto& count : stats.counts)
+      json["counts"].push_back({{"pass", count.pass}, {"name", count.name}, {"count", count.count}});
     for (const auto& loop : stats.loops) {
       json["loops"].push_back({{"pass", loop.pass}, {"done", loop.done}, {"total", loop.total}});
     }
@@ -600,17 +644,78 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
                     {"wall_ms", stats.plan.wall_ms}};
     json["artifacts"] = Json::array();
     for (const auto& use : stats.artifacts) {
-      json["artifacts"].push_back({{"pass", use.pass},
-                                   {"stage", use.stage},
-                                   {"origin", use.is_reused ? "cache" : "made"},
-                                   {"key", use.key},
-                                   {"file", use.file},
-                                   {"bytes", use.bytes}});
+      Json one = use.job.empty() ? Json{{"pass", use.pass}, {"stage", use.stage}}
+                                 : Json{{"job", use.job}, {"pass", use.pass}, {"port", use.port}};
+      one.update(Json{
+          {"origin", use.is_reused ? "cache" : "made"}, {"key", use.key}, {"file", use.file}, {"bytes", use.bytes}});
+      json["artifacts"].push_back(std::move(one));
     }
     json["libraries"] = stats.libraries;
     if (graph->host->device) json["device"] = device_json(graph->host->device->info());
     graph->stats = write_json(json, 2);
     *out_json = graph->stats.c_str();
+  });
+}
+
+// ---- Jobs ----
+
+namespace {
+
+Json job_json(const heddle::graph::JobResult& result) {
+  Json json{{"wall_ms", result.wall_ms}, {"errors", 0}, {"artifacts", Json::array()}, {"reports", Json::array()}};
+  std::size_t errors = 0;
+  for (const auto& [name, made] : result.parts) {
+    Json one{{"name", name}, {"origin", made.is_reused ? "cache" : "made"}, {"key", made.key}, {"file", made.file}};
+    if (made.type == heddle::PortType::kArtifact) {
+      one["bytes"] = made.bytes->size();
+      json["artifacts"].push_back(std::move(one));
+      continue;
+    }
+    one["rows"] = heddle::graph::report_rows(*made.bytes);
+    errors += heddle::graph::count_errors(one["rows"]);
+    json["reports"].push_back(std::move(one));
+  }
+  json["errors"] = errors;
+  return json;
+}
+
+}  // namespace
+
+heddle_status heddle_job_run(heddle_graph* job, heddle_scene* scene, const heddle_render_options* options,
+                             const char** out_json) {
+  return guarded(job->host->error, [&] {
+    must_be(*job, true);
+    const heddle::graph::FrameOptions frame = prepare_frame(*job, *scene, options);
+    job->job_report = write_json(job_json(job->executor->run_job(scene->scene, frame)), 2);
+    *out_json = job->job_report.c_str();
+  });
+}
+
+heddle_status heddle_job_artifact(heddle_graph* job, const char* artifact, const void** out, uint64_t* out_bytes) {
+  return guarded(job->host->error, [&] {
+    must_be(*job, true);
+    const heddle::graph::ResolvedGraph& graph = job->executor->graph();
+    const auto& parts = job->executor->job_result().parts;
+    std::vector<std::string> names;
+    for (const auto& [name, made] : parts)
+      if (made.type == heddle::PortType::kArtifact) names.push_back(name);
+    std::string wanted = text_or_empty(artifact);
+    if (artifact == nullptr && graph.output != heddle::graph::kNoIndex) wanted = graph.resources[graph.output].name;
+    if (artifact == nullptr && graph.output == heddle::graph::kNoIndex && names.size() == 1) wanted = names.front();
+    if (std::ranges::find(names, wanted) == names.end()) {
+      heddle::Diagnostic diagnostic;
+      diagnostic.where.file = graph.file;
+      diagnostic.message = wanted.empty() ? fmt::format("the job left {} artifacts, and none was named", names.size())
+                                          : fmt::format("the job left no artifact '{}'", wanted);
+      diagnostic.expected = names.empty() ? "a job that has run" : "one of " + heddle::join_names(names);
+      diagnostic.help = heddle::nearest_name(wanted, names).empty()
+                            ? std::string{}
+                            : fmt::format("did you mean '{}'?", heddle::nearest_name(wanted, names));
+      throw Error(HEDDLE_BAD_INPUT, std::move(diagnostic));
+    }
+    const heddle::graph::Lasting& made = parts.at(wanted);
+    *out = made.bytes->data();
+    *out_bytes = made.bytes->size();
   });
 }
 

@@ -55,11 +55,14 @@ struct heddle_graph {
   heddle::graph::WrittenGraph written;
   std::vector<std::string> kept;
   std::unique_ptr<heddle::graph::Executor> executor;
-  std::string explanation, pass_explanation, description, stats, check_report, inspection, files, got;
+  std::string explanation, pass_explanation, description, stats, check_report, inspection, files, got, job_report;
   heddle::graph::Executor::ReadBack read_back;
 };
 
 namespace heddle::api {
+
+/// Message of this thread's last call without a host that failed.
+std::string& hostless_error();
 
 /// Runs `body`; what it throws becomes the host's message and a status.
 template <class Body>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // heddle_scene_* of the C API: what applications give is checked here, then put into the scene.
 #include "api.hpp"
+#include "scene/light_texture.hpp"
 
 #include "scene/arrays.hpp"
 #include "scene/overlay.hpp"
@@ -87,6 +88,14 @@ heddle::scene::Environment environment_from(const heddle_environment& given) {
         throw Error(HEDDLE_BAD_INPUT, fmt::format("the environment's texel {}, {} is {}: expected radiance, finite and "
                                                   "not negative",
                                                   i % given.width, i / given.width, value));
+      }
+      // Sums over all texels, in float32, stay finite.
+      constexpr double kBrightest = 1e28;
+      if (static_cast<double>(value) * static_cast<double>(made.record.scale) > kBrightest) {
+        throw Error(HEDDLE_BAD_INPUT,
+                    fmt::format("the environment's texel {}, {} is {}, times its scale {} cd/m^2 of at most {} are "
+                                "expected: the light of all texels together would not be finite",
+                                i % given.width, i / given.width, value, made.record.scale, kBrightest));
       }
       made.texels[i * 4 + c] = value;
     }
@@ -327,7 +336,9 @@ heddle_status heddle_scene_set_light(heddle_scene* scene, uint32_t id, const hed
   return guarded(scene->host->error, [&] {
     check_id(id, scene->scene.lights, "light");
     heddle::scene::Light& present = scene->scene.lights[id];
-    present = light_from(light, present.name, id);
+    heddle::scene::Light changed = light_from(light, present.name, id);
+    changed.texture = present.texture;
+    present = std::move(changed);
   });
 }
 
@@ -337,6 +348,27 @@ heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_t id, const he
     const heddle_camera taken = take(camera, "camera");
     check_camera(taken);
     scene->scene.cameras[id].record = taken;
+  });
+}
+
+heddle_status heddle_scene_set_light_texture(heddle_scene* scene, uint32_t id, const heddle_image* image) {
+  return guarded(scene->host->error, [&] {
+    check_id(id, scene->scene.lights, "light");
+    heddle::scene::Light& light = scene->scene.lights[id];
+    if (image == nullptr) {
+      light.texture.reset();
+      return;
+    }
+    const std::string what = fmt::format("light '{}'", light.name);
+    const heddle_image given = take(image, "image");
+    if (light.record.type != HEDDLE_LIGHT_RECTANGLE) {
+      throw Error(HEDDLE_BAD_INPUT, fmt::format("{} has no face to show a texture on", what),
+                  "only lights of type HEDDLE_LIGHT_RECTANGLE take one");
+    }
+    if (given.pixels == nullptr) throw Error(HEDDLE_BAD_INPUT, fmt::format("{}: its texture has no pixels", what));
+    const std::size_t count = std::size_t{given.width} * given.height * given.channels;
+    light.texture =
+        heddle::scene::make_light_texture(what, given.width, given.height, given.channels, {given.pixels, count});
   });
 }
 

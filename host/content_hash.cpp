@@ -4,6 +4,9 @@
 
 #include <fmt/format.h>
 
+#include <fstream>
+#include <sstream>
+
 namespace heddle {
 
 void ContentHash::add(std::string_view bytes) {
@@ -30,6 +33,17 @@ void ContentHash::add_long(std::span<const std::byte> bytes) {
 
 std::string ContentHash::hexadecimal() const {
   return fmt::format("{:016x}{:016x}", high_, low_);
+}
+
+std::optional<std::string> hash_of_file(const std::filesystem::path& file) {
+  std::error_code ignored;
+  std::ifstream stream(file, std::ios::binary);
+  if (!stream || !std::filesystem::is_regular_file(file, ignored)) return std::nullopt;
+  std::ostringstream text;
+  text << stream.rdbuf();
+  ContentHash hash;
+  hash.add_long(std::as_bytes(std::span(text.view())));
+  return hash.hexadecimal();
 }
 
 }  // namespace heddle

@@ -5,6 +5,8 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
@@ -32,5 +34,8 @@ class ContentHash {
 
   std::uint64_t high_ = 0x6c62272e07bb0142ULL, low_ = 0x62b821756295c58dULL;
 };
+
+/// Of a file's bytes; nothing if it cannot be read.
+std::optional<std::string> hash_of_file(const std::filesystem::path& file);
 
 }  // namespace heddle

@@ -33,7 +33,7 @@
 #endif
 
 /* Also the exit status of the command: bad input 2, unsupported 3, failed 4, bug 5; an image comparison that exceeds
- * its bound exits with 1. */
+ * its bound exits with 1, and so does a job that reports an error. */
 typedef int32_t heddle_status;
 #define HEDDLE_OK 0
 #define HEDDLE_BAD_INPUT 2   /* what came from outside is wrong: a file, a name, a value */
@@ -41,5 +41,6 @@ typedef int32_t heddle_status;
 #define HEDDLE_FAILED 4      /* circumstances: no memory, no space, device lost, library missing */
 #define HEDDLE_BUG 5         /* a contract of these headers was broken by the caller or by a plugin */
 #define HEDDLE_CANCELLED 6   /* heddle_cancel asked for it; the command then exits with 130 */
+#define HEDDLE_MORE 7        /* record and execute alone: a slice of the work is done, and they want to be called again */
 
 #endif

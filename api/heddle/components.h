@@ -41,7 +41,8 @@ typedef struct heddle_components_service {
   uint32_t reserved;
   /* In activity, record and execute: a component of the scene that is rendered. The caller has set out->struct_size; what
    * it points to is the host's and valid until the call that the frame belongs to returns. HEDDLE_BUG for a component that
-   * the technique does not name. [record-thread] */
+   * the technique does not name. In declare, with `frame` NULL: of the scene that is planned for; no rows if there is
+   * none; when the scene's meshes or components change, the pass is declared again. [record-thread] */
   heddle_status (*table)(const heddle_pass_host* self, heddle_frame* frame, const char* component,
                          heddle_component_table* out);
 } heddle_components_service;

@@ -26,6 +26,12 @@ typedef struct heddle_graph heddle_graph;
  * for looking. Render three frames, so that what one leaves to the next has come round. */
 #define HEDDLE_HOST_CHECK 2u
 #define HEDDLE_HOST_REMAKE 4u /* artifacts that the cache holds are made again, and replaced */
+/* Nothing waits for the GPU that need not: heddle_render submits its frame and returns, while up to two frames before it
+ * may still run, and a cpu stage with latency k takes the copy of k frames ago if it is there, else the newest before
+ * that that is. Frames then depend on time, and no bytes are promised. What is asked of a frame (heddle_read,
+ * heddle_inspect) waits for it; so do frames whose scene has other meshes or materials than the last. Not together with
+ * HEDDLE_HOST_CHECK. Without it, frames are repeatable: every copy arrives exactly k frames later. */
+#define HEDDLE_HOST_LIVE 8u
 
 typedef struct heddle_host_options {
   uint32_t struct_size;
@@ -51,7 +57,8 @@ HEDDLE_EXPORT const char* heddle_version(void);
 HEDDLE_EXPORT heddle_status heddle_create(const heddle_host_options* options, heddle_host** out);
 /* Destroy graphs and scenes first. NULL is ignored. [main-thread] */
 HEDDLE_EXPORT void heddle_destroy(heddle_host* host);
-/* Message of the last call on this host that failed; "" if none. [main-thread] */
+/* Message of the last call on this host that failed; "" if none. NULL: of this thread's last heddle_create, heddle_compare
+ * or heddle_comparison_map that failed. [main-thread] */
 HEDDLE_EXPORT const char* heddle_error(const heddle_host* host);
 /* The heddle_render, heddle_inspect or heddle_graph_check that runs, or else the next one, stops before its next stage or
  * shader, or where a long stage asks, and returns HEDDLE_CANCELLED; what the GPU has begun is waited for. What the graph kept of earlier frames is
@@ -103,6 +110,16 @@ typedef struct heddle_mesh {
   const float* uv1;          /* x 2, or NULL */
   const float* colors;       /* x 4, linear, or NULL */
   const uint32_t* indices;
+  /* Faces with any number of corners, in place of triangles: `indices` then holds the corners of all, face after face,
+   * counter-clockwise. They are drawn as fans of triangles around their first corners, so they should be convex and nearly
+   * flat; what subdivides surfaces sees the faces. 0: triangles */
+  uint32_t face_count;
+  uint32_t crease_count;
+  const uint32_t* face_sizes; /* face_count numbers of corners, 3 or more each */
+  /* What a subdivided surface keeps sharp: crease_count edges as pairs of vertices, a vertex by itself as a pair of the
+   * same, and how sharp each is: 0 smooth, n sharp for n levels, 10 and above for ever */
+  const uint32_t* creases;
+  const float* sharpness;
 } heddle_mesh;
 
 /* Material of the application: texture_layer and texture_group are ignored, `textures` are ids of textures. */
@@ -177,6 +194,11 @@ HEDDLE_EXPORT heddle_status heddle_scene_set_instance(heddle_scene* scene, uint3
                                                       const double scene_from_object[16]);
 /* Changes a light; it keeps its id and name. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_light(heddle_scene* scene, uint32_t id, const heddle_light* light);
+/* An image that a light of type HEDDLE_LIGHT_RECTANGLE shines with: its radiance at a point is its intensity times the
+ * texel there. Seen from the lit side, tangent points to the image's right and direction x tangent to its top. 1, 3 or 4
+ * channels (the fourth is ignored), linear Rec.709, finite, 0 or above; copied. NULL: none. HEDDLE_BAD_INPUT names the
+ * first texel that is wrong. The light keeps it through heddle_scene_set_light. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_scene_set_light_texture(heddle_scene* scene, uint32_t id, const heddle_image* image);
 /* Moves a camera. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_scene_set_camera(heddle_scene* scene, uint32_t id, const heddle_camera* camera);
 /* The scene's environment; NULL: none. Seen by graphs with a technique that reads it, sky/environment_map.
@@ -242,7 +264,7 @@ HEDDLE_EXPORT heddle_status heddle_graph_explain(heddle_graph* graph, const char
  * heddle_graph_explain. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_explain_pass(heddle_graph* graph, const char* pass, const char* format,
                                                       const char** out);
-/* What the graph says, without planning it: {"file", "extent", "output", "presets", "passes": [{"name", "role",
+/* What the graph says, without planning it: {"file", "kind": "frame" or "job", "extent", "output", "presets", "passes": [{"name", "role",
  * "technique", "is_left_out", "parameters", "inputs"}], "ports": [{"name", "type"}]} as JSON. Opens no device and no
  * plugin. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_describe(heddle_graph* graph, const char** out_json);
@@ -275,7 +297,7 @@ typedef struct heddle_render_options {
   uint32_t reserved;
 } heddle_render_options;
 
-/* Renders one frame and waits for it; what moved since the last frame has then arrived. The scene is posed at the
+/* Renders one frame and waits for it (but see HEDDLE_HOST_LIVE); what moved since the last frame has then arrived. The scene is posed at the
  * options' time first; options may be NULL: no options, and the scene as it is posed. After a cut, and in
  * a graph's first frame, nothing has moved. A graph with loops, such as progressive supersampling, that are complete
  * submits nothing while nothing changes. [main-thread] */
@@ -288,7 +310,7 @@ HEDDLE_EXPORT heddle_status heddle_render(heddle_graph* graph, heddle_scene* sce
  * Bytes of the output and of kept ports must agree; what differs depends on something undeclared and is HEDDLE_BUG, as
  * is everything that HEDDLE_HOST_CHECK finds, which the host must have. Says as JSON what was done: {"frames", "runs",
  * "orders", "unordered_pairs", "seen_both_ways", "poisons", "compared", "lists", "overflowed": frames that were not
- * compared}. [main-thread] */
+ * compared}. A job runs once in each, without the cache; its artifacts and reports must agree. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene,
                                                const heddle_render_options* options, uint32_t frames,
                                                const char** out_json);
@@ -312,10 +334,27 @@ HEDDLE_EXPORT heddle_status heddle_read(heddle_graph* graph, const char* port, u
 HEDDLE_EXPORT heddle_status heddle_read_into(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
                                              float* pixels, uint64_t capacity, heddle_image* out);
 /* Of the last frame: wall time, pass times if profiled, counters of commands and pipelines, instances drawn and culled,
- * capacity, count and overflow of lists, memory with and without aliasing, libraries opened. "artifacts": of each stage that
+ * capacity, count and overflow of lists, memory with and without aliasing, libraries opened. "late": {"mode": "repeatable"
+ * or "live", "waits": how often the host waited for the GPU, "reads": copies that stages with latency read, "stale": those
+ * of them that were older than they should be, "total": the same since the graph was loaded}. "artifacts": of each stage that
  * is cached, where what it made last came from, since the graph was loaded: {"pass", "stage", "origin": "made" or "cache", "key",
- * "file" ("" if it could not be kept), "bytes"}. JSON. [main-thread] */
+ * "file" ("" if it could not be kept), "bytes"}; and of each artifact of a job that an input names, {"job": "links.toml",
+ * "pass", "port", ...}. JSON. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_stats(heddle_graph* graph, const char** out_json);
+
+/* ---- Jobs --------------------------------------------------------------------------------------------------------- */
+/* Runs a graph that says kind = "job": makes what its passes leave, their artifacts and reports, unless the cache holds it
+ * already. The scene is posed at the options' time; options may be NULL. Nothing is written half: a run that is cancelled,
+ * or killed, leaves what was complete, and stages that can go on do so in the next run. Says as JSON what there is now:
+ * {"wall_ms", "errors": rows of level error, "artifacts": [{"name": "bake.links", "origin": "made" or "cache", "key", "file" ("" if it
+ * could not be kept), "bytes"}], "reports": [{"name", "origin", "key", "file", "rows": [{"level": "error", "warning" or
+ * "info", "message", "values": {"vertex": 12}}]}]}; numbers that JSON lacks are "nan", "inf", "-inf". [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_job_run(heddle_graph* job, heddle_scene* scene, const heddle_render_options* options,
+                                           const char** out_json);
+/* Bytes of an artifact that the last run made or found; NULL: of the job's output, else of its only artifact. They belong to
+ * the job until it runs again. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_job_artifact(heddle_graph* job, const char* artifact, const void** out,
+                                                uint64_t* out_bytes);
 
 /* ---- Images ------------------------------------------------------------------------------------------------------- */
 /* Any format OpenImageIO reads or writes; float values of 8-bit files are 0..1 as stored. The file is written under a
@@ -327,6 +366,53 @@ HEDDLE_EXPORT heddle_status heddle_image_write(heddle_host* host, const char* pa
  * [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_image_compare(heddle_host* host, const heddle_image* a, const heddle_image* b,
                                                  const char* difference_path, const char** out_json);
+
+/* ---- Comparing images ---------------------------------------------------------------------------------------------- */
+/* Metrics of an image a against a reference b. Images are read where they are, nothing is copied. No host is needed, nor is
+ * any library opened; a failed call's message is heddle_error(NULL) on the same thread. */
+typedef struct heddle_comparison heddle_comparison;
+
+/* [{"name", "formula", "better": "lower" or "higher", "map": what a pixel of its error image is}] as JSON; static data.
+ * "percentile_P" stands for any number, as in percentile_99.9. [any-thread] */
+HEDDLE_EXPORT const char* heddle_metrics(void);
+
+#define HEDDLE_COMPARE_MAPS 1u /* keep each metric's error image, for heddle_comparison_map */
+#define HEDDLE_TONE_MAPPER_ACES 0u
+#define HEDDLE_TONE_MAPPER_HABLE 1u
+#define HEDDLE_TONE_MAPPER_REINHARD 2u
+typedef struct heddle_compare_options {
+  uint32_t struct_size;
+  uint32_t flags;           /* HEDDLE_COMPARE_* */
+  const char* metrics;      /* names, separated by ','; NULL or "": all but flip and hdr_flip, which must be told how values
+                             * are encoded: "flip" takes them as encoded in sRGB, 0 to 1; "hdr_flip" as linear radiance */
+  double pixels_per_degree; /* of both FLIPs; 0: 67.02, a display 0.7 m and 3840 pixels wide that is seen from 0.7 m */
+  double start_exposure;    /* of hdr_flip, in stops: values are multiplied by 2^exposure ... */
+  double stop_exposure;
+  uint32_t exposure_count;  /* ... evenly from start to stop; 0: all three from the reference (Andersson et al. 2021). Fix
+                             * them wherever several comparisons are to be comparable */
+  uint32_t tone_mapper;     /* of hdr_flip: HEDDLE_TONE_MAPPER_* */
+  uint32_t threads;         /* 0: one for each processor. No bit of a result depends on it */
+  uint32_t reserved;
+} heddle_compare_options;
+
+/* options may be NULL. HEDDLE_BAD_INPUT, and *out NULL, if shapes differ, a value is not finite (the message names the
+ * first such pixel), or a metric is unknown or does not fit the images. [any-thread] */
+HEDDLE_EXPORT heddle_status heddle_compare(const heddle_image* a, const heddle_image* b,
+                                           const heddle_compare_options* options, heddle_comparison** out);
+/* NULL is ignored. [any-thread] */
+HEDDLE_EXPORT void heddle_comparison_destroy(heddle_comparison* comparison);
+/* {"width", "height", "channels", "metrics": {NAME: {"value": null if infinite (psnr of equal images), "formula", "better",
+ * and what it was measured with: "pixels_per_degree", "start_exposure", "stop_exposure", "exposures", "tone_mapper"; of
+ * maximum "pixel", "channel"}}} as JSON, the comparison's. [any-thread] */
+HEDDLE_EXPORT const char* heddle_comparison_describe(const heddle_comparison* comparison);
+/* The error image of one of the metrics asked for, with HEDDLE_COMPARE_MAPS; out->pixels is the comparison's. Of as many
+ * channels as the images, or of one (ssim, flip, hdr_flip). [any-thread] */
+HEDDLE_EXPORT heddle_status heddle_comparison_map(const heddle_comparison* comparison, const char* metric,
+                                                  heddle_image* out);
+/* Writes an error image: as it is into .exr, .hdr and .pfm; else in false colours from black (0) to white (`white`).
+ * [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_write_error_image(heddle_host* host, const char* path, const heddle_image* map,
+                                                     double white);
 
 HEDDLE_END_C
 #endif

@@ -25,14 +25,8 @@
 //     heddle_status record(const Frame& frame) { return frame.dispatch_over("blur", "color"); }
 //   };
 //
-//   constexpr heddle_technique kBlur = [] {
-//     heddle_technique t = technique<Blur>("display/blur", "A box blur", "folklore");
-//     t.ports = list(kPorts, t.port_count);
-//     t.parameters = list(kParameters, t.parameter_count);
-//     t.stages = list(kStages, t.stage_count);
-//     t.shaders = list(kShaders, t.shader_count);
-//     return t;
-//   }();
+//   constexpr heddle_technique kBlur =
+//       technique<Blur>("display/blur", "A box blur", "folklore", kPorts, kParameters, kStages, kShaders);
 //   }  // namespace
 //   HEDDLE_PLUGIN(kBlur)
 //
@@ -46,23 +40,28 @@
 //   heddle_status iterations(const heddle_frame_info&, heddle_iterations&)     loops
 //   void counted(const PassHost&, const heddle_list_count&)                   lists
 //   heddle_status migrate(const PassHost&, const heddle_migration&)           kept ports, after request_redeclare
+//   heddle_status save_state(const Frame&)        between slices: Frame::keep_state
+//   heddle_status load_state(const Frame&, std::span<const std::byte>)
 // An exception that leaves one of them becomes a report and HEDDLE_FAILED. `host` may be kept: it lives as long as the
 // object. Setters of plugin.h's structures that have no builder are plain fields: change them on the builder's result.
 #pragma once
 
 #include <heddle/components.h>
+#include <heddle/meshes.h>
 #include <heddle/plugin.h>
 
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <exception>
+#include <initializer_list>
 #include <new>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <vector>
 
 namespace heddle::pass {
 
@@ -150,6 +149,29 @@ constexpr heddle_port value_out(const char* name, std::uint64_t byte_size, const
 }
 constexpr heddle_port surfaces_in(const char* name, const char* help, std::uint32_t flags = 0) {
   return port(name, HEDDLE_PORT_SURFACES, HEDDLE_IN, help, flags);
+}
+
+/// What a job makes once, and what reads it: bytes on the CPU.
+constexpr heddle_port artifact_out(const char* name, const char* help) {
+  return port(name, HEDDLE_PORT_ARTIFACT, HEDDLE_OUT, help);
+}
+constexpr heddle_port artifact_in(const char* name, const char* help, std::uint32_t flags = 0) {
+  return port(name, HEDDLE_PORT_ARTIFACT, HEDDLE_IN, help, flags);
+}
+/// What a job has found, in rows.
+constexpr heddle_port report_out(const char* name, const char* help) {
+  return port(name, HEDDLE_PORT_REPORT, HEDDLE_OUT, help);
+}
+/// Surfaces that lie in buffers of the technique: vertices and indices, and where it places them itself, instances and
+/// commands. HEDDLE_INOUT: beside what the port is bound to.
+constexpr heddle_port surfaces_out(const char* name, std::uint32_t direction, const char* vertices, const char* indices,
+                                   const char* help, const char* instances = nullptr, const char* commands = nullptr) {
+  heddle_port p = port(name, HEDDLE_PORT_SURFACES, direction, help);
+  p.vertices = vertices;
+  p.indices = indices;
+  p.instances = instances;
+  p.commands = commands;
+  return p;
 }
 
 /// An input that reads last frame's version of the kept output `output` of the same technique.
@@ -255,6 +277,9 @@ constexpr heddle_access value(const char* p) {
 }
 constexpr heddle_access drawn(const char* p) {
   return access(p, HEDDLE_ACCESS_DRAW);
+}
+constexpr heddle_access batches(const char* p) {
+  return access(p, HEDDLE_ACCESS_BATCHES);
 }
 constexpr heddle_access host_read(const char* p) {
   return access(p, HEDDLE_ACCESS_HOST_READ);
@@ -463,6 +488,14 @@ class PassHost {
     return out;
   }
   [[nodiscard]] bool is_bound(const char* port_name) const { return shape(port_name).is_bound != 0; }
+  /// An artifact that comes in, at any time; empty if unbound. Valid as long as the object.
+  template <typename T>
+  [[nodiscard]] std::span<const T> artifact(const char* port_name) const {
+    static_assert(std::is_trivially_copyable_v<T>);
+    std::uint64_t bytes = 0;
+    const void* data = host_->value(host_, nullptr, port_name, &bytes);
+    return {static_cast<const T*>(data), data == nullptr ? 0 : static_cast<std::size_t>(bytes / sizeof(T))};
+  }
   /// The optional service `id` as the table Service, or NULL.
   template <typename Service>
   [[nodiscard]] const Service* service(const char* id) const {
@@ -477,7 +510,7 @@ class PassHost {
   const heddle_pass_host* host_;
 };
 
-/// One component of the rendered scene: a row for each thing that has it. Valid until the frame's call returns; empty
+/// One component of the rendered scene: a row for each thing that has it. Valid until the running call returns; empty
 /// on a host without the service.
 class Components {
  public:
@@ -527,6 +560,46 @@ class Components {
   heddle_component_table table_;
 };
 
+/// The scene's meshes and instances; valid until the running call returns. Empty on a host without the service.
+class Meshes {
+ public:
+  explicit Meshes(const PassHost& host)
+      : host_(host), service_(host.service<heddle_meshes_service>(HEDDLE_MESHES_SERVICE)) {
+    content_.struct_size = sizeof content_;
+    if (service_ != nullptr) service_->content(host_.raw(), &content_);
+  }
+  [[nodiscard]] const heddle_scene_content& content() const { return content_; }
+  [[nodiscard]] heddle_scene_mesh mesh(std::uint32_t index) const {
+    heddle_scene_mesh out{};
+    out.struct_size = sizeof out;
+    if (service_ != nullptr) service_->mesh(host_.raw(), index, &out);
+    return out;
+  }
+  [[nodiscard]] heddle_scene_instance instance(std::uint32_t index) const {
+    heddle_scene_instance out{};
+    out.struct_size = sizeof out;
+    if (service_ != nullptr) service_->instance(host_.raw(), index, &out);
+    return out;
+  }
+
+ private:
+  PassHost host_;
+  const heddle_meshes_service* service_;
+  heddle_scene_content content_{};
+};
+
+/// A component that the technique names in `components`; *out is empty on an error. frame NULL: in declare.
+inline heddle_status components(const PassHost& host, heddle_frame* frame, const char* name,
+                                std::optional<Components>& out) {
+  heddle_component_table table{};
+  table.struct_size = sizeof table;
+  heddle_status status = HEDDLE_OK;
+  const auto* service = host.service<heddle_components_service>(HEDDLE_COMPONENTS_SERVICE);
+  if (service != nullptr) status = service->table(host.raw(), frame, name, &table);
+  out.emplace(status == HEDDLE_OK ? table : heddle_component_table{});
+  return status;
+}
+
 /// One record or execute call: the stage, the frame, and what may be done in it. Not to be kept.
 class Frame {
  public:
@@ -553,13 +626,7 @@ class Frame {
 
   /// A component that the technique names in `components`; *out is empty on an error.
   [[nodiscard]] heddle_status components(const char* name, std::optional<Components>& out) const {
-    heddle_component_table table{};
-    table.struct_size = sizeof table;
-    heddle_status status = HEDDLE_OK;
-    const auto* service = host().service<heddle_components_service>(HEDDLE_COMPONENTS_SERVICE);
-    if (service != nullptr) status = service->table(host_, frame_, name, &table);
-    out.emplace(status == HEDDLE_OK ? table : heddle_component_table{});
-    return status;
+    return pass::components(host(), frame_, name, out);
   }
 
   // cpu stages
@@ -570,6 +637,29 @@ class Frame {
   }
   /// How much is done, 0 to 1. Other than HEDDLE_OK: return it at once.
   heddle_status progress(double done) const { return host_->progress(host_, frame_, done); }
+  /// One more row of a report; level: HEDDLE_SEVERITY_*. `frame.add_row("report", HEDDLE_SEVERITY_ERROR, "a hole",
+  /// {{"edge", 12.0}, {"mesh", "floor"}})`
+  struct RowValue {
+    RowValue(const char* value_name, double value) : name(value_name), number(value) {}
+    RowValue(const char* value_name, const char* value) : name(value_name), text(value) {}
+    const char* name;
+    double number = 0;
+    const char* text = nullptr;
+  };
+  heddle_status add_row(const char* port_name, std::uint32_t level, const std::string& message,
+                        std::initializer_list<RowValue> values = {}) const {
+    std::vector<heddle_report_value> all;
+    for (const RowValue& one : values) all.push_back({sizeof(heddle_report_value), 0, one.name, one.number, one.text});
+    const heddle_report_row row{sizeof row, level, message.c_str(), all.data(), static_cast<std::uint32_t>(all.size()),
+                                0};
+    return host_->add_row(host_, frame_, port_name, &row);
+  }
+  /// In save_state.
+  template <typename T>
+  heddle_status keep_state(std::span<const T> data) const {
+    static_assert(std::is_trivially_copyable_v<T>);
+    return host_->keep_state(host_, frame_, data.data(), data.size_bytes());
+  }
   /// *out is the host's, valid until execute returns.
   heddle_status snapshot(const char* port_name, const heddle_snapshot*& out, heddle_alpha_test& out_alpha_test) const {
     return host_->snapshot(host_, frame_, port_name, &out, &out_alpha_test);
@@ -615,6 +705,10 @@ class Frame {
     return d;
   }
   heddle_status draw(const heddle_draw& drawing) const { return host_->draw(host_, frame_, &drawing); }
+  /// What a surfaces port of the technique holds from now on; revision 0: its buffers may hold anything.
+  heddle_status set_batches(const char* port_name, std::span<const heddle_batch> list, std::uint64_t revision) const {
+    return host_->set_batches(host_, frame_, port_name, list.data(), static_cast<std::uint32_t>(list.size()), revision);
+  }
   void barrier() const { host_->barrier(host_, frame_); }
   template <typename T>
   heddle_status update_buffer(const char* port_name, std::uint64_t offset, std::span<const T> data) const {
@@ -710,6 +804,18 @@ struct Thunks {
   static heddle_status migrate(heddle_pass* pass, const heddle_pass_host* host, const heddle_migration* migration) {
     return guarded(host, [&] { return self(pass).migrate(PassHost(host), *migration); });
   }
+  static heddle_status save_state(heddle_pass* pass, const heddle_pass_host* host, std::uint32_t stage,
+                                  heddle_frame* frame) {
+    const heddle_frame_info none{};
+    return guarded(host, [&] { return self(pass).save_state(Frame(host, stage, frame, &none)); });
+  }
+  static heddle_status load_state(heddle_pass* pass, const heddle_pass_host* host, std::uint32_t stage,
+                                  heddle_frame* frame, const void* data, std::uint64_t bytes) {
+    const heddle_frame_info none{};
+    return guarded(host, [&] {
+      return self(pass).load_state(Frame(host, stage, frame, &none), {static_cast<const std::byte*>(data), bytes});
+    });
+  }
 };
 
 }  // namespace detail
@@ -745,6 +851,45 @@ constexpr heddle_technique technique(const char* id, const char* title, const ch
                   pass.migrate(host, migration);
                 })
     t.migrate = &Thunks::migrate;
+  if constexpr (requires(Pass pass, const Frame& frame) { pass.save_state(frame); }) t.save_state = &Thunks::save_state;
+  if constexpr (requires(Pass pass, const Frame& frame, std::span<const std::byte> state) {
+                  pass.load_state(frame, state);
+                })
+    t.load_state = &Thunks::load_state;
+  return t;
+}
+
+namespace detail {
+
+template <std::size_t kCount>
+constexpr void put(heddle_technique& t, const heddle_port (&ports)[kCount]) {
+  t.ports = list(ports, t.port_count);
+}
+template <std::size_t kCount>
+constexpr void put(heddle_technique& t, const heddle_parameter (&parameters)[kCount]) {
+  t.parameters = list(parameters, t.parameter_count);
+}
+template <std::size_t kCount>
+constexpr void put(heddle_technique& t, const heddle_stage (&stages)[kCount]) {
+  t.stages = list(stages, t.stage_count);
+}
+template <std::size_t kCount>
+constexpr void put(heddle_technique& t, const heddle_shader (&shaders)[kCount]) {
+  t.shaders = list(shaders, t.shader_count);
+}
+template <std::size_t kCount>
+constexpr void put(heddle_technique& t, const heddle_function (&functions)[kCount]) {
+  t.functions = list(functions, t.function_count);
+}
+
+}  // namespace detail
+
+/// The same with its tables: kPorts, kParameters, kStages, kShaders, kFunctions, those that there are, in any order.
+template <typename Pass, typename... Tables>
+requires(sizeof...(Tables) > 0 && (std::is_array_v<Tables> && ...)) constexpr heddle_technique
+    technique(const char* id, const char* title, const char* source, const Tables&... tables) {
+  heddle_technique t = technique<Pass>(id, title, source);
+  (detail::put(t, tables), ...);
   return t;
 }
 

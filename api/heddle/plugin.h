@@ -29,6 +29,11 @@ typedef struct heddle_frame heddle_frame;       /* the host's; valid during one 
 #define HEDDLE_PORT_BUFFER 1u   /* a storage buffer */
 #define HEDDLE_PORT_VALUE 2u    /* small data known on the CPU before the frame is recorded, also visible to shaders */
 #define HEDDLE_PORT_SURFACES 3u /* triangles to draw */
+/* Bytes for the CPU, any number of them, that a job makes and the host keeps on disk ("Jobs" below). Stages declare it as
+ * VALUE and use it through value and set_value. An input is there before the pass is declared: in declare and prepare too,
+ * where its shape says the byte_size; with other bytes the pass is another one, created anew. */
+#define HEDDLE_PORT_ARTIFACT 4u
+#define HEDDLE_PORT_REPORT 5u /* out: what a job has found, in rows (add_row); declared as VALUE. Kept as artifacts are */
 
 #define HEDDLE_IN 0u
 #define HEDDLE_OUT 1u
@@ -48,7 +53,7 @@ typedef struct heddle_frame heddle_frame;       /* the host's; valid during one 
 #define HEDDLE_PORT_LIST 16u
 
 /* Extent of an out image. */
-#define HEDDLE_EXTENT_FRAME 0u    /* the graph's extent times extent_scale, rounded up */
+#define HEDDLE_EXTENT_FRAME 0u    /* the graph's extent times extent_scale, rounded up; jobs need not have one */
 #define HEDDLE_EXTENT_ABSOLUTE 1u /* width, height */
 
 typedef struct heddle_port {
@@ -73,6 +78,13 @@ typedef struct heddle_port {
   /* list that the pass makes: elements that it holds, 0 is legal; and bytes of one, as std430 lays them out in the array:
      a multiple of 4. byte_size is 0 */
   uint32_t capacity, element_bytes;
+  /* surfaces, out or inout: the technique's own out buffers that its batches lie in (heddle_batch). HeddleVertex[]; uint[];
+     where it places its batches itself also HeddleInstance[] and, as an array or a list, VkDrawIndexedIndirectCommand[].
+     NULL: it has none */
+  const char* vertices;
+  const char* indices;
+  const char* instances;
+  const char* commands;
 } heddle_port;
 
 /* ---- Parameters --------------------------------------------------------------------------------------------------- */
@@ -125,6 +137,7 @@ typedef struct heddle_parameter {
 #define HEDDLE_ACCESS_TRANSFER_WRITE 13u
 #define HEDDLE_ACCESS_SAMPLED_COMPARE 14u /* depth image: sampler2DShadow / sampler2DArrayShadow, linear, GREATER_OR_EQUAL */
 #define HEDDLE_ACCESS_APPEND 15u          /* list: bool append_NAME(element), and nothing else in the same stage */
+#define HEDDLE_ACCESS_BATCHES 16u         /* surfaces, out or inout: the one stage, gpu or cpu, that calls set_batches */
 
 #define HEDDLE_LOAD_KEEP 0u
 #define HEDDLE_LOAD_CLEAR 1u
@@ -256,7 +269,7 @@ typedef struct heddle_frame_info {
   double previous_origin[3]; /* last frame's, to which its positions are relative; after a cut: this frame's */
   uint32_t is_still; /* 1: scene, camera, lights, time, seed and all parameters are last frame's, and it was no cut */
   uint32_t iteration, iteration_count; /* of the loop in whose body the stage runs; count 0: in none */
-  uint32_t reserved;
+  uint32_t slice; /* record and execute: how often the stage has answered HEDDLE_MORE before, in earlier processes too */
 } heddle_frame_info;
 
 /* Memory of a port during execute (cpu stages). Rows are tightly packed, layer by layer, and all layers mip by mip, the
@@ -312,6 +325,37 @@ typedef struct heddle_snapshot {
   const uint32_t* flags;     /* triangle_count, HEDDLE_SURFACE_* */
 } heddle_snapshot;
 
+/* ---- Jobs ----------------------------------------------------------------------------------------------------------
+ * A graph of kind "job" bakes, encodes or inspects: its stages run once, frame 0 after a cut. It has no camera, and no
+ * extent unless it says one. Techniques with outputs of type ARTIFACT or REPORT run in jobs alone.
+ *
+ * Their passes do not run where the same was made before, by whichever process. It is the same where these are: the
+ * library's file, the shaders' texts, all parameters, the files that parameters of type TEXT and NAMES name, what is bound
+ * to the inputs (of the scene: its contents; of other passes: the same of these), providers of functions, components that
+ * the technique names, extent, time and seed; with gpu stages also device and driver. Where neither surfaces nor lights
+ * are bound, the frame's origin is 0. resolve_path is for files that a parameter names. Other passes see nothing but such a
+ * pass's artifacts.
+ *
+ * Slices. record or execute answers HEDDLE_MORE and is called again, until it answers something else; in between, the
+ * device is idle, the application may stop the job, and nothing is written half. The ports stay mapped and hold what they
+ * held. With load_state and save_state a job that was stopped goes on at the slice that it came to. */
+typedef struct heddle_report_value {
+  uint32_t struct_size;
+  uint32_t reserved;
+  const char* name; /* "vertex", "area" */
+  double number;
+  const char* text; /* the value, in place of `number`; NULL: the number */
+} heddle_report_value;
+
+typedef struct heddle_report_row {
+  uint32_t struct_size;
+  uint32_t level;      /* HEDDLE_SEVERITY_*; an error makes the job's exit status 1 */
+  const char* message; /* one sentence without full stop */
+  const heddle_report_value* values;
+  uint32_t value_count;
+  uint32_t reserved;
+} heddle_report_row;
+
 /* Answers for base colour's alpha at a triangle's point, for alpha-masked surfaces in CPU ray tracers:
  * 1 = there is surface, 0 = a hole. [any-thread] */
 typedef uint32_t (*heddle_alpha_test)(const heddle_snapshot* snapshot, uint32_t triangle, float barycentric_u,
@@ -341,6 +385,31 @@ typedef struct heddle_draw {
   uint32_t cull;  /* HEDDLE_CULL_* */
 } heddle_draw;
 
+/* Triangles of one material in the buffers of a surfaces port that a technique makes: `vertices` holds HeddleVertex,
+ * `indices` numbers of vertices, three a triangle, counter-clockwise from the front. They are drawn as the scene's are,
+ * by all that draw, and are in snapshots. Which of the port's stages writes what of the buffers is the graph's business:
+ * whoever draws waits for all of them.
+ *
+ * Either the scene places the batch: it is drawn where `placed` of its instances are, in the place of their own meshes,
+ * which are gone from an inout port (a batch without indices just takes them away). The host makes their HeddleInstance,
+ * leaves out what is out of view, and sorts blended ones by depth, not their triangles.
+ * Or the technique does (placed 0): `commands`, from first_command on, draw what `instances` says; counts stay on the
+ * GPU. Every command draws with the flags and textures of this batch. Nothing is left out or sorted: with an order by
+ * depth they come before all others. Of a list of commands the first command_count are drawn, as far as it holds any
+ * (first_command 0). */
+typedef struct heddle_batch {
+  uint32_t struct_size;
+  uint32_t material; /* id, as HeddleMaterial::id: textures, and HEDDLE_SURFACE_* of the draws */
+  uint32_t first_index, index_count;
+  int32_t vertex_offset;    /* added to each index */
+  uint32_t previous_vertex; /* placed by the scene: as in HeddleInstance */
+  float bounds[6];          /* placed by the scene: least and greatest corner of all its positions, object space */
+  uint32_t placed;          /* instances of the scene */
+  uint32_t is_flipped;      /* placed by the technique: front faces are clockwise */
+  const uint32_t* instances; /* `placed` ids, as HeddleInstance::object; each in one batch of the port at most */
+  uint32_t first_command, command_count;
+} heddle_batch;
+
 /* What record and execute are given beside the frame. Functions of one table; fields are appended only. */
 struct heddle_pass_host {
   uint32_t struct_size;
@@ -364,7 +433,8 @@ struct heddle_pass_host {
   heddle_status (*set_shape)(const heddle_pass_host* self, const char* port, const heddle_shape* shape);
 
   /* Shape of a bound port; in declare: of inputs; later: of all. Of the scene's environment: the image's width and
-   * height; when they change, passes are declared again. [record-thread] */
+   * height; when they change, passes are declared again. What follows from the scene's meshes: heddle/meshes.h.
+   * [record-thread] */
   heddle_status (*shape)(const heddle_pass_host* self, const char* port, heddle_shape* out);
 
   /* CPU twin of a role's function, from the provider bound to this pass (the first one); NULL if absent.
@@ -372,11 +442,12 @@ struct heddle_pass_host {
   const void* (*function_service)(const heddle_pass_host* self, const char* role);
 
   /* In record, execute and activity: bytes of a bound value port (camera: HeddleView; lights: HeddleLight[n];
-   * environment: HeddleEnvironment and texels). Valid until the call returns. NULL and 0 if unbound. [record-thread] */
+   * environment: HeddleEnvironment and texels). Valid until the call returns. NULL and 0 if unbound. Of an artifact that
+   * comes in also in declare and prepare, with `frame` NULL, and valid until destroy. [record-thread] */
   const void* (*value)(const heddle_pass_host* self, heddle_frame* frame, const char* port, uint64_t* out_bytes);
 
   /* In execute of a cpu stage, or in record before the first command that reads it: new bytes of an out value port, at
-   * most its byte_size. Copied. [record-thread] */
+   * most its byte_size; in execute: all bytes of an artifact. Copied. [record-thread] */
   heddle_status (*set_value)(const heddle_pass_host* self, heddle_frame* frame, const char* port, const void* data,
                              uint64_t bytes);
 
@@ -450,9 +521,24 @@ struct heddle_pass_host {
   void (*request_redeclare)(const heddle_pass_host* self);
 
   /* ---- long work ---- */
-  /* In execute, from time to time where it takes long: how much of it is done, 0 to 1, for the person at the screen.
-   * Other than HEDDLE_OK: the application wants it to stop, so execute returns that at once. [record-thread] */
+  /* In execute and record, from time to time where it takes long: how much of it is done, 0 to 1, for the person at the
+   * screen. Other than HEDDLE_OK: the application wants it to stop, so execute returns that at once. Where the technique
+   * has load_state it is always HEDDLE_OK: the host stops it between slices. [record-thread] */
   heddle_status (*progress)(const heddle_pass_host* self, heddle_frame* frame, double done);
+  /* In execute: one more row of a report. *row is borrowed. HEDDLE_BUG for a port that is no report. [record-thread] */
+  heddle_status (*add_row)(const heddle_pass_host* self, heddle_frame* frame, const char* port,
+                           const heddle_report_row* row);
+  /* In save_state: bytes behind those of earlier calls. Copied. [record-thread] */
+  heddle_status (*keep_state)(const heddle_pass_host* self, heddle_frame* frame, const void* data, uint64_t bytes);
+
+  /* ---- surfaces ---- */
+  /* In record and execute of the stage that declares the port as BATCHES: what the port holds until the next call, of an
+   * inout port beside what it is bound to. Copied. While the stage answers HEDDLE_KEEP it stays; HEDDLE_NOTHING leaves no
+   * batch. The same `revision` as last time means that vertices, indices, instances and commands hold what they held:
+   * snapshots then go on; 0: they may hold anything. HEDDLE_BUG if a batch does not lie in the port's buffers, or names
+   * what the scene does not have. [record-thread] */
+  heddle_status (*set_batches)(const heddle_pass_host* self, heddle_frame* frame, const char* port,
+                               const heddle_batch* batches, uint32_t count, uint64_t revision);
 };
 
 /* ---- Technique ---------------------------------------------------------------------------------------------------- */
@@ -486,10 +572,10 @@ typedef struct heddle_technique {
   heddle_status (*declare)(heddle_pass* pass, const heddle_pass_host* host);
   /* Everything is allocated; shaders are compiled after this. [main-thread] */
   heddle_status (*prepare)(heddle_pass* pass, const heddle_pass_host* host);
-  /* Records the commands of a gpu stage. [record-thread] */
+  /* Records the commands of a gpu stage. HEDDLE_MORE: they run, then it is called again. [record-thread] */
   heddle_status (*record)(heddle_pass* pass, const heddle_pass_host* host, uint32_t stage, heddle_frame* frame,
                           const heddle_frame_info* info);
-  /* Does the work of a cpu stage. [record-thread] */
+  /* Does the work of a cpu stage. HEDDLE_MORE: it is called again. [record-thread] */
   heddle_status (*execute)(heddle_pass* pass, const heddle_pass_host* host, uint32_t stage, heddle_frame* frame,
                            const heddle_frame_info* info);
   /* Frees the object; the GPU is done with it. [main-thread] */
@@ -515,6 +601,15 @@ typedef struct heddle_technique {
    * changed: records what carries the contents over. Lists have been carried by then, as far as they fit; what else is
    * not carried is neutral. [main-thread] */
   heddle_status (*migrate)(heddle_pass* pass, const heddle_pass_host* host, const heddle_migration* migration);
+  /* Between slices of a stage that makes a job's artifacts or is cached_by: gives host->keep_state what load_state needs to
+   * go on. The host keeps it on disk with all that the stage's ports hold by then, until the stage is done.
+   * [record-thread] */
+  heddle_status (*save_state)(heddle_pass* pass, const heddle_pass_host* host, uint32_t stage, heddle_frame* frame);
+  /* Before the first slice of such a stage, if it was stopped between two: out ports hold what they held then, info->slice
+   * will go on from there, and this is what save_state kept. Other than HEDDLE_OK: the stage begins from nothing.
+   * [record-thread] */
+  heddle_status (*load_state)(heddle_pass* pass, const heddle_pass_host* host, uint32_t stage, heddle_frame* frame,
+                              const void* data, uint64_t bytes);
 } heddle_technique;
 #define HEDDLE_RUN 0u
 #define HEDDLE_KEEP 1u

@@ -75,7 +75,7 @@ HEDDLE_UINT(flags)            // HEDDLE_LIGHT_CASTS_SHADOW
 HEDDLE_FLOAT(cos_inner)       // spot, cone, wedge
 HEDDLE_FLOAT(cos_outer)
 HEDDLE_UINT(id)               // stable while the scene lives; index in the scene's order
-HEDDLE_UINT(reserved_)
+HEDDLE_UINT(texture)          // rectangle: 1 + its place in the scene's value `light_textures`; 0: none. The host's
 HEDDLE_END_RECORD(HeddleLight)
 
 // --- HeddleMaterial: glTF's metallic-roughness model. 224 bytes. -----------------------------------------------------
@@ -128,6 +128,17 @@ HEDDLE_UINT(width)      // texels; 0: the scene has none
 HEDDLE_UINT(height)
 HEDDLE_UINT(revision)   // from 1; differs where texels may differ
 HEDDLE_END_RECORD(HeddleEnvironment)
+
+// --- HeddleLightTexture: a head of the scene's value `light_textures`. 16 bytes, as a vec4 whose bits are read. ----------
+// The value is an array of vec4: first a head for each texture, then the texels of all, linear Rec.709, the fourth
+// component 1. A texture is a chain of levels, each half as wide and high as the one before, rounded up, down to 1x1; a
+// level's texel is the mean over the area that it covers. Top row first.
+HEDDLE_BEGIN_RECORD(HeddleLightTexture)
+HEDDLE_UINT(first) // element of the value with the first texel of level 0
+HEDDLE_UINT(width) // texels of level 0
+HEDDLE_UINT(height)
+HEDDLE_UINT(level_count)
+HEDDLE_END_RECORD(HeddleLightTexture)
 
 // --- HeddleInstance: one placed mesh, as the GPU sees it this frame. 160 bytes. --------------------------------------
 HEDDLE_BEGIN_RECORD(HeddleInstance)

@@ -45,7 +45,7 @@ void add_bench(CLI::App& app) {
       "bench", "measure what the host itself costs on this machine: medians, intervals, counts of work, targets");
   auto arguments = std::make_shared<BenchArguments>();
   command->add_option("benchmark", arguments->names,
-                      "graph_overhead, swap, gltf_import, instances, memory; none: all of them");
+                      "graph_overhead, swap, gltf_import, instances, memory, compare; none: all of them");
   command->add_option("--device", arguments->device, "part of a device's name, or its number (see heddle devices)");
   command->add_option("--runs", arguments->runs, "samples of each figure; default: each benchmark's own")
       ->check(CLI::Range(1, 100000));

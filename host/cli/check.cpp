@@ -20,12 +20,8 @@ struct CheckArguments : RenderArguments {
 };
 
 int check_graph(CheckArguments& arguments) {
-  arguments.sort_files();
   arguments.host.check = true;
-  const Owned<heddle_host> host = make_host(arguments.host);
-  const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
-  for (const std::string& port : arguments.ports) check(host.get(), heddle_graph_keep(graph.get(), port.c_str()));
-  const Owned<heddle_scene> scene = load_scene(host.get(), arguments);
+  const Opened opened = open(arguments, arguments.ports);
   heddle_render_options options{};
   options.struct_size = sizeof options;
   options.time = arguments.time;
@@ -33,7 +29,7 @@ int check_graph(CheckArguments& arguments) {
   // What a frame leaves to the next one comes round in the third.
   const auto frames = static_cast<std::uint32_t>(std::max(arguments.frames, 3));
   const char* text = nullptr;
-  check(host.get(), heddle_graph_check(graph.get(), scene.get(), &options, frames, &text));
+  check(opened.host.get(), heddle_graph_check(opened.graph.get(), opened.scene.get(), &options, frames, &text));
   if (arguments.json) {
     fmt::print("{}\n", text);
     return HEDDLE_OK;
@@ -69,9 +65,7 @@ void add_check(CLI::App& app, int* exit_status) {
       "prove that a graph does what it declares: hazards, numbers, orders of stages, memory that nobody wrote");
   auto arguments = std::make_shared<CheckArguments>();
   arguments->add_to(*command);
-  command->add_option("--port", arguments->ports, "compare this port too, PASS.PORT; may be given again")
-      ->take_all()
-      ->allow_extra_args(false);
+  add_port_option(*command, arguments->ports, "compare this port too, PASS.PORT; may be given again");
   command->add_flag("--json", arguments->json, "print what was done as JSON");
   command->callback([arguments, exit_status] { *exit_status = check_graph(*arguments); });
 }

@@ -137,7 +137,7 @@ class Completer {
       files_ = true;
       if (current_.find('=') == std::string::npos && current_.find('/') == std::string::npos)
         for (const Json& port : graph()["ports"])
-          if (port["type"] == "image") add_start(port["name"].get<std::string>() + "=", "write this port");
+          if (is_output(port)) add_start(port["name"].get<std::string>() + "=", "write this port");
     } else if (option == "swap") {
       swap();
     } else if (option == "format") {
@@ -151,6 +151,13 @@ class Completer {
                option == "folder" || option == "plugins") {
       files_ = true;
     }
+  }
+
+  /// What a frame or a job makes itself, and a file can hold.
+  static bool is_output(const Json& port) {
+    const auto type = port["type"].get<std::string>();
+    const bool is_of_another_job = port["name"].get<std::string>().find('#') != std::string::npos;
+    return type == "image" || ((type == "artifact" || type == "report") && !is_of_another_job);
   }
 
   /// PASS=A,B
@@ -217,7 +224,8 @@ class Completer {
   }
 
   void setting_values(const std::string& key, const std::string& begin) {
-    if (key == "output") add_ports("image", begin);
+    if (key == "output")
+      for (const char* type : {"image", "artifact", "report"}) add_ports(type, begin);
     if (key.starts_with("joins."))
       for (const char* word : {"switch", "sum", "product"}) add(begin + word);
     for (const Json& pass : graph()["passes"]) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // heddle explain: what the graph compiler decided, and why.
 
+#include "cli/run_job.hpp"
 #include "cli/session.hpp"
 
 #include <fmt/format.h>
@@ -22,7 +23,8 @@ int explain(ExplainArguments& arguments) {
   const Owned<heddle_host> host = make_host(arguments.host);
   const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
   // With a scene the plan is the real one: pruned by its features, with the driver's sizes.
-  if (!arguments.scene.empty()) {
+  // A job may take its time: it is explained as it would run if nothing were there.
+  if (!arguments.scene.empty() && !is_job(host.get(), graph.get())) {
     const Owned<heddle_scene> scene = load_scene(host.get(), arguments);
     check(host.get(), heddle_render(graph.get(), scene.get(), nullptr));
   }
@@ -43,6 +45,7 @@ void add_explain(CLI::App& app, int* exit_status) {
   arguments->add_to(*command);
   command->add_option("--format", arguments->format, "text, json or dot")
       ->check(CLI::IsMember({"text", "json", "dot"}));
+  command->add_flag("--live", arguments->host.live, "as heddle run --live does it");
   command->add_option("--why", arguments->pass,
                       "explain one PASS: why it runs or does not, why it stands where it stands, and where each of its "
                       "settings comes from; text or json");

@@ -45,11 +45,7 @@ int inspect(InspectArguments& arguments) {
                   "error: no pixel was named\n  expected: X,Y in pixels of the frame from its top left, for instance "
                   "320,180"};
   }
-  arguments.sort_files();
-  const Owned<heddle_host> host = make_host(arguments.host);
-  const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
-  for (const std::string& port : arguments.ports) check(host.get(), heddle_graph_keep(graph.get(), port.c_str()));
-  const Owned<heddle_scene> scene = load_scene(host.get(), arguments);
+  const Opened opened = open(arguments, arguments.ports);
   heddle_render_options options{};
   options.struct_size = sizeof options;
   options.seed = arguments.seed;
@@ -58,13 +54,13 @@ int inspect(InspectArguments& arguments) {
   for (int frame = 0; frame + 1 < arguments.frames; ++frame) {
     stop_if_asked();
     options.time = arguments.time + frame * arguments.time_step;
-    check(host.get(), heddle_render(graph.get(), scene.get(), &options));
+    check(opened.host.get(), heddle_render(opened.graph.get(), opened.scene.get(), &options));
   }
   options.time = arguments.time + (arguments.frames - 1) * arguments.time_step;
   const char* text = nullptr;
-  check(host.get(),
-        heddle_inspect(graph.get(), scene.get(), &options, pixels.data(), static_cast<std::uint32_t>(pixels.size() / 2),
-                       arguments.json ? "json" : "text", &text));
+  check(opened.host.get(),
+        heddle_inspect(opened.graph.get(), opened.scene.get(), &options, pixels.data(),
+                       static_cast<std::uint32_t>(pixels.size() / 2), arguments.json ? "json" : "text", &text));
   fmt::print("{}{}", text, arguments.json ? "\n" : "");
   return HEDDLE_OK;
 }
@@ -79,11 +75,8 @@ void add_inspect(CLI::App& app, int* exit_status) {
   arguments->add_to(*command);
   command->get_option("files")->description(
       "pixels X,Y from the frame's top left, a graph (default: deferred) and a scene, in any order");
-  command
-      ->add_option("--port", arguments->ports,
-                   "PASS.PORT: run this pass too, though nobody reads it; may be given again")
-      ->take_all()
-      ->allow_extra_args(false);
+  add_port_option(*command, arguments->ports,
+                  "PASS.PORT: run this pass too, though nobody reads it; may be given again");
   command->add_option("--time-step", arguments->time_step, "seconds of scene time from frame to frame (default: 1/60)");
   command->add_flag("--json", arguments->json, "as JSON");
   command->callback([arguments, exit_status] { *exit_status = inspect(*arguments); });

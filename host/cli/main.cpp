@@ -20,7 +20,8 @@ int main(int argc, char** argv) {
   app.set_version_flag("--version", std::string("heddle ") + heddle_version());
   app.require_subcommand(1);
   app.footer(
-      "Exit status: 0 right; 1 a bound was exceeded; 2 bad input; 3 unsupported here; 4 failed; 5 a bug; 130 stopped "
+      "Exit status: 0 right; 1 a bound was exceeded, or a job reported an error; 2 bad input; 3 unsupported here; 4 "
+      "failed; 5 a bug; 130 stopped "
       "by "
       "Ctrl-C or SIGTERM, with every file whole or not there; a second signal ends it at once.");
   int status = HEDDLE_OK;
@@ -33,6 +34,7 @@ int main(int argc, char** argv) {
         heddle::cli::run_in_python(argc, argv);
       }
     }
+    if (argc > 1 && std::string_view(argv[1]) == "study") heddle::cli::run_in_python(argc, argv);
     heddle::cli::add_run(app, &status);
     heddle::cli::add_compare(app, &status);
     heddle::cli::add_check(app, &status);
@@ -41,6 +43,7 @@ int main(int argc, char** argv) {
     heddle::cli::add_list(app, &status);
     heddle::cli::add_doctor(app, &status);
     heddle::cli::add_new_technique(app);
+    heddle::cli::add_study(app);
     heddle::cli::add_bench(app);
     heddle::cli::add_schema(app, &status);
     heddle::cli::add_completion(app, &status);

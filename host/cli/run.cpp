@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // heddle run: renders a scene through a graph and writes images of its ports.
 
+#include "cli/run_job.hpp"
 #include "cli/session.hpp"
 #include "cli/stop.hpp"
 #include "cli/watch.hpp"
@@ -16,11 +17,6 @@
 namespace heddle::cli {
 
 namespace {
-
-struct Output {
-  std::string port;  // empty: the graph's output
-  std::filesystem::path file;
-};
 
 Output parse_output(const std::string& text) {
   const std::size_t equals = text.find('=');
@@ -123,15 +119,26 @@ void render_frames(const RunArguments& arguments, heddle_host* host, heddle_grap
   }
   for (const Json& artifact : parsed["artifacts"]) {
     say(arguments.host,
-        fmt::format("artifact of pass '{}', {}: {}, {:.1f} MiB", artifact["pass"].get<std::string>(),
-                    artifact["stage"].get<std::string>(), artifact["origin"] == "cache" ? "from the cache" : "made",
+        fmt::format("artifact {}: {}, {:.1f} MiB",
+                    artifact.contains("job")
+                        ? fmt::format("'{}#{}.{}'", artifact["job"].get<std::string>(),
+                                      artifact["pass"].get<std::string>(), artifact["port"].get<std::string>())
+                        : fmt::format("of pass '{}', {}", artifact["pass"].get<std::string>(),
+                                      artifact["stage"].get<std::string>()),
+                    artifact["origin"] == "cache" ? "from the cache" : "made",
                     artifact["bytes"].get<double>() / 1048576.0));
   }
   say(arguments.host,
       fmt::format("frame {} on {}: {:.1f} ms; transient memory {:.1f} MiB ({:.1f} MiB without aliasing)",
-                  arguments.frames, parsed["device"]["name"].get<std::string>(), parsed["wall_ms"].get<double>(),
+                  arguments.frames - 1, parsed["device"]["name"].get<std::string>(), parsed["wall_ms"].get<double>(),
                   parsed["memory"]["transient_bytes"].get<double>() / 1048576.0,
                   parsed["memory"]["transient_bytes_without_aliasing"].get<double>() / 1048576.0));
+  if (arguments.host.live) {
+    const Json& total = parsed["late"]["total"];
+    say(arguments.host, fmt::format("live: {} of {} late reads were stale; the host waited for the GPU {} times",
+                                    total["stale"].get<std::uint64_t>(), total["reads"].get<std::uint64_t>(),
+                                    total["waits"].get<std::uint64_t>()));
+  }
   if (parsed["run"].contains("median_ms"))
     say(arguments.host,
         fmt::format("{} frames: first {:.1f} ms; then median {:.1f} ms ({:.1f} to {:.1f})", arguments.frames,
@@ -148,13 +155,14 @@ void render_frames(const RunArguments& arguments, heddle_host* host, heddle_grap
 
 int run(RunArguments& arguments) {
   arguments.sort_files();
-  // What a frame leaves to the next one comes round in the third.
-  if (arguments.host.check) arguments.frames = std::max(arguments.frames, 3);
   const Owned<heddle_host> host = make_host(arguments.host);
   const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
   std::vector<Output> outputs;
   for (const std::string& text : arguments.outputs) outputs.push_back(parse_output(text));
-  if (outputs.empty()) outputs.push_back({{}, "heddle.png"});
+  const bool runs_job = is_job(host.get(), graph.get());
+  // What a frame leaves to the next one comes round in the third.
+  if (arguments.host.check && !runs_job) arguments.frames = std::max(arguments.frames, 3);
+  if (outputs.empty() && !runs_job) outputs.push_back({{}, "heddle.png"});
   for (std::size_t i = 0; i < outputs.size(); ++i) {
     for (std::size_t other = 0; other < i; ++other) {
       if (outputs[i].file == outputs[other].file) {
@@ -163,38 +171,52 @@ int run(RunArguments& arguments) {
       }
     }
   }
+  const JobArguments of_job{arguments, outputs, arguments.stats, arguments.profile};
+  if (runs_job) prepare_job(host.get(), graph.get(), of_job);
   for (const Output& output : outputs) {
-    if (!output.port.empty()) check(host.get(), heddle_graph_keep(graph.get(), output.port.c_str()));
+    if (!runs_job && !output.port.empty()) check(host.get(), heddle_graph_keep(graph.get(), output.port.c_str()));
   }
   Owned<heddle_scene> scene = load_scene(host.get(), arguments);
-  const auto render = [&] { render_frames(arguments, host.get(), graph.get(), scene.get(), outputs); };
+  int status = HEDDLE_OK;
+  const auto render = [&] {
+    if (runs_job)
+      status = run_job(host.get(), graph.get(), scene.get(), of_job);
+    else
+      render_frames(arguments, host.get(), graph.get(), scene.get(), outputs);
+  };
   if (arguments.watch) watch(host.get(), graph.get(), scene, arguments, render);
   render();
-  return HEDDLE_OK;
+  return status;
 }
 
 }  // namespace
 
 void add_run(CLI::App& app, int* exit_status) {
-  CLI::App* command = app.add_subcommand("run", "render a scene through a graph and write images");
+  CLI::App* command = app.add_subcommand("run", "render a scene through a graph and write images; or run a job");
   auto arguments = std::make_shared<RunArguments>();
   arguments->add_to(*command);
   command
-      ->add_option(
-          "--output,-o", arguments->outputs,
-          "FILE for the graph's output, or PASS.PORT=FILE for any image port; .exr keeps floats; "
-          "of several frames the last, or each if FILE has a number's place: frame_%04d.png (default: heddle.png)")
+      ->add_option("--output,-o", arguments->outputs,
+                   "FILE for the graph's output, or PASS.PORT=FILE for any image port; of a job also for an artifact "
+                   "(its bytes) or "
+                   "a report (JSON); .exr keeps floats; "
+                   "of several frames the last, or each if FILE has a number's place: frame_%04d.png (default: "
+                   "heddle.png; of a job: none, its artifacts stay in the cache)")
       ->take_all()
       ->allow_extra_args(false);
   command->add_option("--time-step", arguments->time_step, "seconds of scene time from frame to frame (default: 1/60)");
   command->add_option(
       "--stats", arguments->stats,
-      "write counters, memory and times as JSON (of the last frame; \"run\": of all); - for standard output");
+      "write counters, memory and times as JSON (of the last frame; \"run\": of all; of a job: its artifacts and "
+      "reports); - for standard output");
   command->add_flag("--profile", arguments->profile, "time the last frame stage by stage");
   command->add_flag(
       "--watch", arguments->watch,
       "stay, and render again when a file changes that the picture was made of: graphs, shaders, plugins, "
       "roles, scenes, images; on an error the last good picture stays");
+  command->add_flag("--live", arguments->host.live,
+                    "wait for no frame before the next one: cpu stages take the newest copy of the GPU's work that is "
+                    "there, and bytes may differ from run to run");
   command->add_flag("--remake", arguments->host.remake,
                     "make artifacts again that the cache holds, and replace them; --stats names their files");
   command->add_flag(

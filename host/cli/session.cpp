@@ -2,6 +2,7 @@
 // Owners, arguments and files for the subcommands.
 
 #include "cli/session.hpp"
+#include "cli/progress_line.hpp"
 #include "cli/stop.hpp"
 #include "json.hpp"
 
@@ -22,6 +23,7 @@ namespace {
 void log_to_stderr(void* user, std::uint32_t severity, const char* text) {
   const bool is_quiet = *static_cast<const bool*>(user);
   if (is_quiet && severity > 0) return;
+  clear_progress();
   std::fprintf(stderr, "%s\n", text);
 }
 
@@ -61,6 +63,12 @@ void set_environment(heddle_host* host, heddle_scene* scene, const RenderArgumen
   check(host, heddle_scene_set_environment(scene, &environment));
 }
 
+/// So that the file can be written; where it cannot be made, writing the file says so.
+void make_folder_of(const std::filesystem::path& file) {
+  std::error_code ignored;
+  if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path(), ignored);
+}
+
 bool is_scene(const std::string& file) {
   return file.ends_with(".gltf") || file.ends_with(".glb") || file.ends_with(".py") || file.ends_with(".scene.toml");
 }
@@ -78,6 +86,7 @@ void Destroy::operator()(heddle_host* host) const {
 }
 
 void check(const heddle_host* host, heddle_status status) {
+  clear_progress();
   if (status != HEDDLE_OK) throw Failure{status, heddle_error(host)};
 }
 
@@ -92,11 +101,12 @@ Owned<heddle_host> make_host(const HostArguments& arguments) {
   heddle_host_options options{};
   options.struct_size = sizeof options;
   options.flags = (arguments.validation ? HEDDLE_HOST_VALIDATION : 0U) | (arguments.check ? HEDDLE_HOST_CHECK : 0U) |
-                  (arguments.remake ? HEDDLE_HOST_REMAKE : 0U);
+                  (arguments.remake ? HEDDLE_HOST_REMAKE : 0U) | (arguments.live ? HEDDLE_HOST_LIVE : 0U);
   options.device = arguments.device.empty() ? nullptr : arguments.device.c_str();
   options.plugin_path = arguments.plugin_path.empty() ? nullptr : arguments.plugin_path.c_str();
   options.log = log_to_stderr;
   options.log_user = const_cast<bool*>(&arguments.quiet);
+  if (!arguments.quiet && can_show_progress()) options.progress = show_progress;
   heddle_host* host = nullptr;
   check(nullptr, heddle_create(&options, &host));
   stop_on_signals(host);
@@ -114,11 +124,14 @@ void RenderArguments::add_to(CLI::App& app) {
       ->take_all()
       ->allow_extra_args(false);
   app.add_option("--camera", camera, "name or number of one of the scene's cameras");
-  app.add_option(
+  CLI::Option* image = app.add_option(
       "--environment", environment,
       "equirectangular image that lights the scene: .hdr, .exr ...; without a graph: the graph 'environment'");
-  app.add_option("--environment-scale", environment_scale, "cd/m^2 of the image's 1")->check(CLI::PositiveNumber);
-  app.add_option("--environment-rotation", environment_rotation, "radians that it is turned about the vertical axis");
+  app.add_option("--environment-scale", environment_scale, "cd/m^2 of the image's 1")
+      ->check(CLI::PositiveNumber)
+      ->needs(image);
+  app.add_option("--environment-rotation", environment_rotation, "radians that it is turned about the vertical axis")
+      ->needs(image);
   app.add_option("--set", settings, "change the graph: ao.technique=gtao, ao.params.radius=1, extent=[640,360]")
       ->take_all()
       ->allow_extra_args(false);
@@ -188,18 +201,32 @@ Owned<heddle_scene> load_scene(heddle_host* host, const RenderArguments& argumen
   return loaded;
 }
 
+Opened open(RenderArguments& arguments, const std::vector<std::string>& ports) {
+  arguments.sort_files();
+  Opened opened;
+  opened.host = make_host(arguments.host);
+  opened.graph = load_graph(opened.host.get(), arguments);
+  for (const std::string& port : ports) {
+    check(opened.host.get(), heddle_graph_keep(opened.graph.get(), port.c_str()));
+  }
+  opened.scene = load_scene(opened.host.get(), arguments);
+  return opened;
+}
+
+void add_port_option(CLI::App& command, std::vector<std::string>& ports, const std::string& help) {
+  command.add_option("--port", ports, help)->take_all()->allow_extra_args(false);
+}
+
 void write_port(heddle_host* host, heddle_graph* graph, const std::string& port, const std::filesystem::path& file) {
   heddle_image image{};
   image.struct_size = sizeof image;
   check(host, heddle_read(graph, port.empty() ? nullptr : port.c_str(), 0, 0, &image));
-  if (file.has_parent_path()) {
-    std::error_code ignored;
-    std::filesystem::create_directories(file.parent_path(), ignored);
-  }
+  make_folder_of(file);
   check(host, heddle_image_write(host, file.c_str(), &image));
 }
 
 void write_file(const std::filesystem::path& file, std::string_view text) {
+  make_folder_of(file);
   std::filesystem::path partial = file.parent_path();
   partial /= fmt::format(".{}.{}.partial", file.filename().string(), getpid());
   std::ofstream stream(partial, std::ios::binary);
@@ -215,7 +242,9 @@ void write_file(const std::filesystem::path& file, std::string_view text) {
 }
 
 void say(const HostArguments& arguments, std::string_view text) {
-  if (!arguments.quiet) fmt::print(stderr, "{}\n", text);
+  if (arguments.quiet) return;
+  clear_progress();
+  fmt::print(stderr, "{}\n", text);
 }
 
 void run_in_python(int argc, char** argv) {
@@ -237,7 +266,7 @@ void run_in_python(int argc, char** argv) {
   arguments.push_back(nullptr);
   execvp(python.c_str(), arguments.data());
   throw Failure{HEDDLE_FAILED,
-                "error: the scene is a Python file, and python3 could not be started\n  help: install the "
+                "error: this needs Python, and python3 could not be started\n  help: install the "
                 "packages python3 and python3-numpy"};
 }
 

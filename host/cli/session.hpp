@@ -38,6 +38,7 @@ struct HostArguments {
   bool validation = false;
   bool check = false;
   bool remake = false;
+  bool live = false;
   bool quiet = false;
   void add_to(CLI::App& app);
 };
@@ -69,10 +70,22 @@ Owned<heddle_graph> load_graph(heddle_host* host, const RenderArguments& argumen
 /// The scene of the arguments; empty without one.
 Owned<heddle_scene> load_scene(heddle_host* host, const RenderArguments& arguments);
 
-/// Writes a port (empty: the graph's output) as an image.
+/// What is looked at: a host, the arguments' graph, of which ports stay readable, and their scene.
+struct Opened {
+  Owned<heddle_host> host;
+  Owned<heddle_graph> graph;
+  Owned<heddle_scene> scene;
+};
+/// Sorts the files first. Throws Failure.
+Opened open(RenderArguments& arguments, const std::vector<std::string>& ports);
+/// --port PASS.PORT, as often as wanted.
+void add_port_option(CLI::App& command, std::vector<std::string>& ports, const std::string& help);
+
+/// Writes a port (empty: the graph's output) as an image; makes the file's folder where it is not there.
 void write_port(heddle_host* host, heddle_graph* graph, const std::string& port, const std::filesystem::path& file);
 
-/// Writes a text under a temporary name in the same folder, then renames it: the file is whole or not there.
+/// Writes a text under a temporary name in the same folder, then renames it: the file is whole or not there. Makes the
+/// folder where it is not there.
 void write_file(const std::filesystem::path& file, std::string_view text);
 
 /// A line for people on stderr unless quiet.
@@ -95,6 +108,7 @@ void add_explain(CLI::App& app, int* exit_status);
 void add_inspect(CLI::App& app, int* exit_status);
 void add_schema(CLI::App& app, int* exit_status);
 void add_completion(CLI::App& app, int* exit_status);
+void add_study(CLI::App& app);  // for --help and completion: main hands it to Python
 void add_bench(CLI::App& app);  // never returns when it ran
 
 }  // namespace heddle::cli

@@ -100,7 +100,10 @@ class Template {
     used.name = text_of(port, "name");
     used.is_optional = port["optional"].get<bool>();
     used.is_list = port["list"].get<bool>();
-    used.c_type = type == "image" ? "HEDDLE_PORT_IMAGE" : type == "buffer" ? "HEDDLE_PORT_BUFFER" : "HEDDLE_PORT_VALUE";
+    used.c_type = type == "image"      ? "HEDDLE_PORT_IMAGE"
+                  : type == "buffer"   ? "HEDDLE_PORT_BUFFER"
+                  : type == "artifact" ? "HEDDLE_PORT_ARTIFACT"
+                                       : "HEDDLE_PORT_VALUE";
     used.is_output = direction == "out";
     if (used.is_output && type != "image" && !used.is_optional) {
       throw Failure{HEDDLE_UNSUPPORTED,
@@ -109,6 +112,12 @@ class Template {
                                 role_name_, used.name, type)};
     }
     if (used.is_output && used.is_optional) return;
+    if (type == "surfaces" && direction != "in") {
+      throw Failure{HEDDLE_UNSUPPORTED,
+                    fmt::format("error: no template for role '{}': its '{}' are surfaces that techniques make\n"
+                                "  help:     begin with a copy of another technique's folder",
+                                role_name_, used.name)};
+    }
     // Surfaces are drawn, not computed with; what a technique may change in place, it may leave alone.
     if (type == "surfaces" || direction == "inout") return;
     if (used.is_output) {
@@ -178,15 +187,14 @@ class Template {
           "}}\n}};\n",
           type, outputs().front()->name);
     }
+    std::string tables;
+    if (!ports_.empty()) tables += ", kPorts";
+    if (has_shader_) tables += ", kStages, kShaders";
+    if (has_function_) tables += ", kFunctions";
     text += fmt::format(
         "\nconstexpr heddle_technique kTechnique = [] {{\n  heddle_technique t =\n      technique<{}>(\"{}\",\n"
-        "                {},\n                \"author, year, title\", {});\n",
-        type, id(), c_literal(text_of(role_, "title")), role_["revision"].get<int>());
-    if (!ports_.empty()) text += "  t.ports = list(kPorts, t.port_count);\n";
-    if (has_shader_) {
-      text += "  t.stages = list(kStages, t.stage_count);\n  t.shaders = list(kShaders, t.shader_count);\n";
-    }
-    if (has_function_) text += "  t.functions = list(kFunctions, t.function_count);\n";
+        "                {},\n                \"author, year, title\"{});\n  t.role_revision = {};\n",
+        type, id(), c_literal(text_of(role_, "title")), tables, role_["revision"].get<int>());
     return text + "  return t;\n}();\n\n}  // namespace\n\nHEDDLE_PLUGIN(kTechnique)\n";
   }
 

@@ -11,61 +11,31 @@
 namespace heddle::compare {
 namespace {
 
-// Keeps relMSE finite where the reference is black; the value that papers on denoising use.
-constexpr double kRelativeEpsilon = 0.01;
-
-std::string shape_of(const image::Image& image) {
-  return fmt::format("{} x {} x {}", image.width, image.height, image.channels);
+/// |a - b| of every value.
+std::vector<double> magnitudes_of(const Picture& a, const Picture& b) {
+  std::vector<double> magnitudes(a.pixels.size());
+  std::transform(a.pixels.begin(), a.pixels.end(), b.pixels.begin(), magnitudes.begin(),
+                 [](float left, float right) { return std::abs(double{left} - right); });
+  return magnitudes;
 }
 
-void check_finite(const image::Image& image, std::string_view name) {
-  const auto bad =
-      std::find_if(image.pixels.begin(), image.pixels.end(), [](float value) { return !std::isfinite(value); });
-  if (bad == image.pixels.end()) {
-    return;
-  }
-  const auto index = static_cast<std::size_t>(bad - image.pixels.begin());
-  const std::size_t pixel = index / image.channels;
-  throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
-                                           {},
-                                           fmt::format("a value of {} is not finite", name),
-                                           fmt::format("{} at x {}, y {}, channel {}", *bad, pixel % image.width,
-                                                       pixel / image.width, index % image.channels),
-                                           "finite values",
-                                           ""});
-}
-
-void check_pair(const image::Image& a, const image::Image& b) {
-  if (a.width != b.width || a.height != b.height || a.channels != b.channels) {
-    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
-                                             {},
-                                             "images of different shapes cannot be compared",
-                                             fmt::format("image a is {}, image b {}", shape_of(a), shape_of(b)),
-                                             "the same width, height and channels",
-                                             ""});
-  }
-  for (const image::Image* image : {&a, &b}) {
-    if (image->pixels.empty() || image->pixels.size() != std::size_t{image->width} * image->height * image->channels) {
-      throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
-                                               {},
-                                               "an image without pixels cannot be compared",
-                                               fmt::format("{} with {} values", shape_of(*image), image->pixels.size()),
-                                               "width x height x channels values, at least one",
-                                               ""});
-    }
-  }
-  check_finite(a, "image a");
-  check_finite(b, "image b (the reference)");
+/// Nearest rank: the smallest value that at least `percent` of 100 values do not exceed. Reorders.
+double nearest_rank(std::vector<double>& values, double percent) {
+  // A rank that is whole but for rounding is that rank.
+  const double rank = std::ceil(percent / 100.0 * static_cast<double>(values.size()) * (1.0 - 1e-14));
+  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(std::max(rank, 1.0)) - 1;
+  std::nth_element(values.begin(), nth, values.end());
+  return *nth;
 }
 
 }  // namespace
 
-Metrics measure(const image::Image& a, const image::Image& b) {
+Metrics measure(const Picture& a, const Picture& b) {
   check_pair(a, b);
   const std::size_t count = a.pixels.size();
   Metrics metrics;
   double sum_squares = 0, sum_relative = 0, sum = 0;
-  std::vector<double> magnitudes(count);
+  std::vector<double> magnitudes = magnitudes_of(a, b);
   std::size_t largest = 0;
   for (std::size_t i = 0; i < count; ++i) {
     const double reference = b.pixels[i];
@@ -74,7 +44,6 @@ Metrics measure(const image::Image& a, const image::Image& b) {
     sum += difference;
     sum_squares += square;
     sum_relative += square / (reference * reference + kRelativeEpsilon);
-    magnitudes[i] = std::abs(difference);
     if (magnitudes[i] > magnitudes[largest]) {
       largest = i;
     }
@@ -93,15 +62,17 @@ Metrics measure(const image::Image& a, const image::Image& b) {
   metrics.maximum_channel = static_cast<std::uint32_t>(largest % a.channels);
   metrics.maximum_x = static_cast<std::uint32_t>(largest / a.channels % a.width);
   metrics.maximum_y = static_cast<std::uint32_t>(largest / a.channels / a.width);
-  // Nearest rank: the smallest value that at least 99 of 100 values do not exceed. Last, since it reorders.
-  const std::size_t rank = (count * 99 + 99) / 100;
-  const auto nth = magnitudes.begin() + static_cast<std::ptrdiff_t>(rank - 1);
-  std::nth_element(magnitudes.begin(), nth, magnitudes.end());
-  metrics.percentile_99 = *nth;
+  metrics.percentile_99 = nearest_rank(magnitudes, 99);  // last, since it reorders
   return metrics;
 }
 
-image::Image difference(const image::Image& a, const image::Image& b) {
+double percentile(const Picture& a, const Picture& b, double percent) {
+  check_pair(a, b);
+  std::vector<double> magnitudes = magnitudes_of(a, b);
+  return nearest_rank(magnitudes, percent);
+}
+
+image::Image difference(const Picture& a, const Picture& b) {
   check_pair(a, b);
   image::Image result{a.width, a.height, a.channels, std::vector<float>(a.pixels.size())};
   std::transform(a.pixels.begin(), a.pixels.end(), b.pixels.begin(), result.pixels.begin(),

@@ -2,9 +2,12 @@
 // Differences between two images, formula beside the name. All sums in float64.
 #pragma once
 
-#include "image/image.hpp"
+#include "compare/picture.hpp"
 
 namespace heddle::compare {
+
+/// Keeps relMSE finite where the reference is black; the value that papers on denoising use.
+constexpr double kRelativeEpsilon = 0.01;
 
 struct Metrics {
   double mse = 0;              // mean over pixels and channels of (a - b)^2
@@ -20,9 +23,11 @@ struct Metrics {
 
 /// b is the reference. Throws Error(HEDDLE_BAD_INPUT) if shapes differ, an image is empty, or a value is not finite
 /// (names image, pixel and channel).
-Metrics measure(const image::Image& a, const image::Image& b);
+Metrics measure(const Picture& a, const Picture& b);
+/// The value that at least `percent` of 100 of all |a - b| do not exceed, nearest rank; 0 < percent <= 100.
+double percentile(const Picture& a, const Picture& b, double percent);
 /// |a - b|.
-image::Image difference(const image::Image& a, const image::Image& b);
+image::Image difference(const Picture& a, const Picture& b);
 /// psnr is null where it is infinite.
 std::string to_json(const Metrics& metrics);
 

@@ -155,6 +155,11 @@ std::string ArtifactCache::write(const std::string& key, const ArtifactViews& pa
   return {};
 }
 
+void ArtifactCache::remove(const std::string& key) const {
+  std::error_code ignored;
+  if (!folder_.empty()) fs::remove(file(key), ignored);
+}
+
 void ArtifactCache::make_room(const fs::path& keep) const {
   struct Kept {
     fs::file_time_type used;

@@ -30,7 +30,10 @@ class ArtifactCache {
   /// Written under a temporary name and renamed; afterwards what is used least goes until no more than most_bytes are
   /// left, this one never. Says in words what went wrong, or nothing.
   std::string write(const std::string& key, const ArtifactViews& parts) const;
+  /// What is no longer of use; nothing happens where there is none.
+  void remove(const std::string& key) const;
   [[nodiscard]] std::filesystem::path file(const std::string& key) const;
+  [[nodiscard]] bool keeps_anything() const { return !folder_.empty(); }
 
  private:
   void make_room(const std::filesystem::path& keep) const;

@@ -13,6 +13,9 @@ namespace {
 constexpr VkPipelineStageFlags2 kShaderStages = VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT |
                                                 VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT |
                                                 VK_PIPELINE_STAGE_2_COMPUTE_SHADER_BIT;
+// Batches are pulled by the vertex shader of the host, and drawn as indices and commands say.
+constexpr VkPipelineStageFlags2 kDrawStages =
+    VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT | VK_PIPELINE_STAGE_2_INDEX_INPUT_BIT | VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT;
 constexpr VkPipelineStageFlags2 kDepthStages =
     VK_PIPELINE_STAGE_2_EARLY_FRAGMENT_TESTS_BIT | VK_PIPELINE_STAGE_2_LATE_FRAGMENT_TESTS_BIT;
 constexpr VkAccessFlags2 kWrites = VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT | VK_ACCESS_2_COLOR_ATTACHMENT_WRITE_BIT |
@@ -80,6 +83,7 @@ std::vector<std::vector<Group>> find_groups(const ResolvedGraph& graph, const Or
       const Resource& resource = graph.resources[use.resource];
       AccessInfo info = use_info(use, resource.type, resource.format);
       if ((info.stages & kShaderStages) == kShaderStages) info.stages = (info.stages & ~kShaderStages) | shaders;
+      if ((use.mask & (1U << HEDDLE_ACCESS_DRAW)) != 0) info.stages |= kDrawStages;
       // The host's own transfers, beside what the stage does: they stand in one group with it.
       const auto is_in = [&](const std::vector<ResourceIndex>& of) {
         return std::ranges::find(of, use.resource) != of.end();
@@ -145,10 +149,12 @@ void plan_again(const Order& order, const Placement& placement, const std::vecto
 }  // namespace
 
 AccessInfo access_info(std::uint32_t access, PortType type, std::uint32_t /*format*/) {
-  if (type == PortType::kSurfaces || type == PortType::kValue) {
-    // Uploaded by the host before the frame begins: nothing on the GPU writes them.
+  if (!has_memory(type)) {
+    // Uploaded by the host before the frame begins: nothing on the GPU writes them. What techniques make of surfaces is
+    // in their buffers.
+    const bool writes = access == HEDDLE_ACCESS_HOST_WRITE || access == HEDDLE_ACCESS_BATCHES;
     return {kShaderStages, VK_ACCESS_2_SHADER_STORAGE_READ_BIT | VK_ACCESS_2_UNIFORM_READ_BIT,
-            VK_IMAGE_LAYOUT_UNDEFINED, access != HEDDLE_ACCESS_HOST_WRITE, access == HEDDLE_ACCESS_HOST_WRITE};
+            VK_IMAGE_LAYOUT_UNDEFINED, !writes, writes};
   }
   AccessInfo info;
   switch (access) {
@@ -182,6 +188,11 @@ AccessInfo access_info(std::uint32_t access, PortType type, std::uint32_t /*form
     case HEDDLE_ACCESS_DEPTH_READ:
       info = {kDepthStages, VK_ACCESS_2_DEPTH_STENCIL_ATTACHMENT_READ_BIT,
               VK_IMAGE_LAYOUT_DEPTH_STENCIL_READ_ONLY_OPTIMAL, true, false};
+      break;
+    case HEDDLE_ACCESS_DRAW:
+      info = {kDrawStages,
+              VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT | VK_ACCESS_2_INDEX_READ_BIT | VK_ACCESS_2_SHADER_STORAGE_READ_BIT,
+              VK_IMAGE_LAYOUT_UNDEFINED, true, false};
       break;
     case HEDDLE_ACCESS_HOST_READ:  // execute copies to and from staging memory
     case HEDDLE_ACCESS_TRANSFER_READ:

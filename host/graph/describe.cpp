@@ -10,8 +10,10 @@
 namespace heddle::graph {
 
 Json describe(const WrittenGraph& written, const ResolvedGraph& resolved) {
-  Json json{{"file", resolved.file}, {"extent", {resolved.width, resolved.height}}};
-  json["output"] = resolved.resources[resolved.output].name;
+  Json json{{"file", resolved.file},
+            {"kind", resolved.is_job ? "job" : "frame"},
+            {"extent", {resolved.width, resolved.height}}};
+  json["output"] = resolved.output == kNoIndex ? Json() : Json(resolved.resources[resolved.output].name);
   json["presets"] = Json::object();
   for (const auto& [key, value] : written.params) json["presets"][key.name] = to_json(value);
   json["passes"] = Json::array();

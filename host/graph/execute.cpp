@@ -23,12 +23,10 @@ Executor::~Executor() {
   if (s.device == nullptr) return;
   const heddle_vulkan& vk = s.device->table();
   s.scene_buffers.reset();
-  s.views = {};
-  for (VkDescriptorPool pool : s.descriptor_pools) vk.DestroyDescriptorPool(vk.device, pool, nullptr);
+  s.destroy_frame_memory(s);
+  for (FrameMemory& memory : s.spare) s.destroy_frame_memory(memory);
   vk.DestroyDescriptorSetLayout(vk.device, s.materials_layout, nullptr);
   vk.DestroyDescriptorSetLayout(vk.device, s.program_layout, nullptr);
-  vk.DestroyCommandPool(vk.device, s.command_pool, nullptr);
-  vk.DestroyFence(vk.device, s.fence, nullptr);
 }
 
 void Executor::keep(std::string_view resource) {
@@ -49,6 +47,15 @@ void Executor::replace(ResolvedGraph graph, std::vector<std::string> kept) {
   for (const std::string& name : kept) (void)find_resource(graph, name);
   std::swap(s.original, graph);
   std::swap(s.kept_names, kept);
+  s.adopt_jobs(graph.jobs);
+  const auto is_there = [&](ResourceIndex resource) { return s.lasting.contains(s.original.resources[resource].name); };
+  const bool waits = s.is_planned && !s.original.jobs.empty() &&
+                     !std::ranges::all_of(s.needed_artifacts(s.planned_features), is_there);
+  if (s.original.is_job || waits) {
+    // A job plans when it runs; and before this frame graph can be planned, its jobs have to.
+    s.retire();
+    s.has_frame = false;
+  }
   if (!s.is_planned) {
     s.graph = s.original;
     return;
@@ -81,7 +88,8 @@ void Executor::set_parameter(PassIndex pass, std::size_t parameter, const Parame
   if (s.passes[pass]) s.write_parameters(*s.passes[pass]);
 }
 
-void Executor::State::stop_if_cancelled() const {
+void Executor::State::stop_if_cancelled() {
+  if (stop_reason) std::rethrow_exception(std::exchange(stop_reason, nullptr));
   if (services.is_cancelled != nullptr && services.is_cancelled->exchange(false)) {
     throw Error(HEDDLE_CANCELLED, "stopped, as heddle_cancel asked for");
   }
@@ -113,8 +121,7 @@ std::string Executor::with_plan(const std::function<std::string()>& body) {
       s.services.log(Severity::kWarning, fmt::format("sizes and memory are not known: {}", error.what()));
       s.unplan();
       s.graph = s.original;
-      s.wanted = {s.graph.output};
-      for (const std::string& name : s.kept_names) s.wanted.push_back(find_resource(s.graph, name));
+      s.find_wanted();
       prune(s.graph, s.wanted, every_feature);
       weave_loops(s.graph);
       s.order = graph::order(s.graph);
@@ -137,8 +144,8 @@ std::string Executor::with_plan(const std::function<std::string()>& body) {
 std::string Executor::explain(std::string_view format) {
   State& s = *state_;
   return with_plan([&]() -> std::string {
-    if (format == "text") return explain_text(s.graph, s.order, s.placement, s.barriers);
-    if (format == "json") return explain_json(s.graph, s.order, s.placement, s.barriers);
+    if (format == "text") return explain_text(s.graph, s.order, s.placement, s.barriers, s.services.is_live);
+    if (format == "json") return explain_json(s.graph, s.order, s.placement, s.barriers, s.services.is_live);
     if (format == "dot") return explain_dot(s.graph, s.order);
     throw Error(HEDDLE_BAD_INPUT, fmt::format("unknown format '{}' of an explanation", format),
                 "one of text, json, dot");

@@ -11,6 +11,7 @@
 
 #include <atomic>
 #include <functional>
+#include <memory>
 
 namespace heddle::graph {
 
@@ -25,6 +26,8 @@ struct HostServices {
   std::function<void(std::string_view, double)> progress;
   ArtifactCache artifacts{{}, 0};
   bool remakes_artifacts = false;  // makes them even if the cache has them
+  bool checks = false;             // HEDDLE_HOST_CHECK
+  bool is_live = false;            // frames are submitted and not waited for; late copies may be older than they should
 };
 
 /// Of the frame, from its top left.
@@ -50,11 +53,26 @@ struct LoopProgress {
   std::uint32_t done = 0, total = 0;  // iterations
 };
 
-/// Where what a cached stage made last came from.
+/// Where what a cached stage made last came from; of a job that an input names: what a pass made.
 struct ArtifactUse {
   std::string pass, stage, key, file;  // file: empty if it could not be kept
   std::uint64_t bytes = 0;
   bool is_reused = false;
+  std::string job, port;  // empty: of a stage
+};
+
+/// What a job's pass leaves: an artifact's bytes, or a report's rows, each a line of JSON.
+struct Lasting {
+  std::string pass, port, key, file;  // file: empty if it could not be kept
+  PortType type = PortType::kArtifact;
+  std::shared_ptr<const std::vector<std::byte>> bytes;  // sharers: who reads them, also in other graphs
+  bool is_reused = false;
+};
+
+/// What a run of a job left, by names of resources.
+struct JobResult {
+  std::map<std::string, Lasting, std::less<>> parts;
+  double wall_ms = 0;
 };
 
 /// What the last planning of a graph made and what it took over from the plan before.
@@ -69,14 +87,29 @@ struct ListStats {
   std::uint32_t capacity = 0, count = 0, overflow = 0;  // elements; in a loop: overflow of its worst iteration
 };
 
+/// Of a technique's own counters.
+struct CountStats {
+  std::string pass, name;
+  std::uint64_t count = 0;
+};
+
+/// What there was to wait for.
+struct WaitStats {
+  std::uint64_t waits = 0;        // of the host, for the GPU
+  std::uint64_t late_reads = 0;   // copies that stages with latency read
+  std::uint64_t stale_reads = 0;  // of these: older than `latency` frames, because that copy was not there yet
+};
+
 struct FrameStats {
   std::uint64_t frame = 0;
-  double wall_ms = 0;             // recording and running
+  double wall_ms = 0;             // recording and running; live: recording
   double submit_ms = 0;           // from the first submission to the last fence
   std::uint64_t stalls = 0;       // cpu stages that waited for the GPU within the frame
+  WaitStats waits, total_waits;   // of this frame, and since the graph was loaded
   std::vector<StageTime> stages;  // profiled frames only; iterations of a loop together
   std::vector<LoopProgress> loops;
-  std::vector<ListStats> lists;  // of the last frame that was submitted
+  std::vector<ListStats> lists;    // of the last frame that was submitted
+  std::vector<CountStats> counts;  // of the last frame that was submitted
   vulkan::Counters before, after;
   std::uint64_t instances_drawn = 0, instances_culled = 0;  // summed over the frame's drawings
   std::uint64_t heap_bytes = 0, unaliased_bytes = 0, kept_bytes = 0;
@@ -112,6 +145,11 @@ class Executor {
   /// Sets the numbers of a parameter that is neither HEDDLE_PARAMETER_REDECLARE nor _CONSTANT: those need `replace`.
   void set_parameter(PassIndex pass, std::size_t parameter, const ParameterValue& value);
   void render(const scene::Scene& scene, const FrameOptions& options);
+  /// Of a job: makes the artifacts and reports of these names that are not there yet; no names: all, and the images
+  /// that it was asked for. What was complete stays if it throws.
+  const JobResult& run_job(const scene::Scene& scene, const FrameOptions& options,
+                           const std::vector<std::string>& names = {});
+  [[nodiscard]] const JobResult& job_result() const;
   /// Renders a frame, and says what every version of every image port held at these pixels when it was finished, in the
   /// order of execution: {"extent", "frame", "pixels": [{"pixel", "ports": [...]}]}; see heddle_inspect.
   Json inspect(const scene::Scene& scene, const FrameOptions& options, std::vector<Pixel> pixels);

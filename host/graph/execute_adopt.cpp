@@ -15,7 +15,7 @@ namespace {
 bool is_same_shape(const Resource& a, const Resource& b) {
   return a.type == b.type && a.format == b.format && a.width == b.width && a.height == b.height &&
          a.layers == b.layers && a.mips == b.mips && a.flags == b.flags && a.byte_size == b.byte_size &&
-         a.capacity == b.capacity && a.element_bytes == b.element_bytes;
+         a.capacity == b.capacity && a.element_bytes == b.element_bytes && a.content == b.content;
 }
 
 std::map<std::string, Resource, std::less<>> shapes_of(const ResolvedGraph& graph, const Pass& pass) {
@@ -56,6 +56,14 @@ void Executor::State::destroy(PassState& pass) {
 /// Takes the plan down and puts aside what the next may adopt. What a plan that failed half way had adopted goes back.
 void Executor::State::retire() {
   if (device != nullptr) (void)device->table().DeviceWaitIdle(device->table().device);
+  // What lists counted in frames that were still running is not told any more: their passes go.
+  while (!in_flight.empty()) {
+    note_counts(in_flight.front());
+    end_frame(in_flight.front());
+    spare.push_back(std::move(in_flight.front()));
+    in_flight.pop_front();
+  }
+  outgrown_buffers.clear();
   legacy.has_past = legacy.has_past || (is_planned && !is_fresh);
   for (PassIndex i = 0; i < passes.size(); ++i) {
     if (!passes[i]) continue;
@@ -86,7 +94,7 @@ void Executor::State::retire() {
     const bool is_memory = state.image || state.buffer;
     const bool is_wanted =
         std::ranges::any_of(wanted, [&](ResourceIndex w) { return resources[w].root == i && state.image; });
-    const bool is_value = graph.resources[i].type == PortType::kValue && state.value.is_set;
+    const bool is_value = (graph.resources[i].type == PortType::kValue && state.value.is_set) || state.made;
     if (!is_value && !(is_memory && (is_wanted || is_any_version_kept(i)))) continue;
     legacy.memory.try_emplace(graph.resources[i].name, graph.resources[i], std::move(state));
   }
@@ -239,6 +247,9 @@ void Executor::State::adopt_memory(ResourceIndex index) {
   ResourceState& now = resources[index];
   if (resource.type == PortType::kValue) {
     now.value = std::move(old.value);
+  } else if (resource.type == PortType::kSurfaces) {
+    now.made = std::move(old.made);
+    if (now.made) now.made->is_placed = false;
   } else {
     now.image = std::move(old.image);
     now.buffer = std::move(old.buffer);

@@ -48,14 +48,6 @@ class UnplacedEnvironment {
   HeddleEnvironment placed_{};
 };
 
-void warn(const HostServices& services, const Pass& pass, std::string_view message) {
-  Diagnostic diagnostic;
-  diagnostic.severity = Severity::kWarning;
-  diagnostic.where = pass.where;
-  diagnostic.message = fmt::format("pass '{}' ({}): {}", pass.name, pass.entry.technique->id, message);
-  services.log(Severity::kWarning, to_text(diagnostic));
-}
-
 heddle_frame_info timeless() {
   heddle_frame_info info{};
   info.struct_size = sizeof info;
@@ -65,14 +57,12 @@ heddle_frame_info timeless() {
 
 }  // namespace
 
-void Executor::State::call_execute(PassState& state, const ScheduledStage& scheduled, heddle_frame& frame,
-                                   const heddle_frame_info& seen) {
-  if (state.descriptor->execute == nullptr) return;
-  frame.began = frame.told = std::chrono::steady_clock::now();
-  const heddle_status status = state.descriptor->execute(state.object, &state.api, scheduled.stage, &frame, &seen);
-  if (status == HEDDLE_CANCELLED) stop_if_cancelled();
-  const bool asked_too_much = status == HEDDLE_OK && state.cached_stage != nullptr && !errors.empty();
-  throw_if_failed(state, asked_too_much ? HEDDLE_BUG : status, "execute");
+void Executor::State::warn(const Pass& pass, std::string_view message) const {
+  Diagnostic diagnostic;
+  diagnostic.severity = Severity::kWarning;
+  diagnostic.where = pass.where;
+  diagnostic.message = fmt::format("pass '{}' ({}): {}", pass.name, pass.entry.technique->id, message);
+  services.log(Severity::kWarning, to_text(diagnostic));
 }
 
 std::string Executor::State::artifact_key(const PassState& state, const ScheduledStage& scheduled,
@@ -103,7 +93,7 @@ std::string Executor::State::artifact_key(const PassState& state, const Schedule
       add_number(hash, number);
     add_number(hash, resource.byte_size);
     if (technique.find_port(access.port)->direction != Direction::kIn) continue;
-    if (resource.type == PortType::kValue) {
+    if (resource.type == PortType::kValue || lasts(resource.type)) {
       hash.add_long(resources[bound->second].value.bytes);
     } else {
       const auto mapping = std::ranges::find(frame.mappings, access.port, &heddle_frame::Mapping::port);
@@ -152,7 +142,8 @@ void Executor::State::execute_stage(PassState& state, const ScheduledStage& sche
   const Pass& pass = pass_of(state);
   const Stage& stage = technique_of(state).stages[scheduled.stage];
   if (!stage.cached_by) {
-    call_execute(state, scheduled, frame, info);
+    const bool is_lasting = keeps_artifacts() && makes_what_lasts(technique_of(state));
+    run_slices(state, scheduled, frame, info_for(pass), is_lasting ? pass_keys[scheduled.pass] : std::string{});
     return;
   }
   Value* environment = nullptr;
@@ -170,12 +161,12 @@ void Executor::State::execute_stage(PassState& state, const ScheduledStage& sche
   } const confine{state};
   state.cached_stage = &stage;
   // Check mode proves what code does, poison what it leaves out: both need it to run, and keep nothing of it.
-  if (device->recorder() != nullptr || variant.poison) {
-    call_execute(state, scheduled, frame, timeless());
+  if (!keeps_artifacts()) {
+    run_slices(state, scheduled, frame, timeless(), {});
     return;
   }
 
-  ArtifactUse use{pass.name, stage.name, artifact_key(state, scheduled, frame), {}, 0, false};
+  ArtifactUse use{pass.name, stage.name, artifact_key(state, scheduled, frame), {}, 0, false, {}, {}};
   const std::filesystem::path file = services.artifacts.file(use.key);
   std::string damage;
   std::optional<ArtifactParts> found;
@@ -184,16 +175,10 @@ void Executor::State::execute_stage(PassState& state, const ScheduledStage& sche
   use.is_reused = found && damage.empty();
   if (!use.is_reused) {
     if (!damage.empty()) {
-      warn(services, pass, fmt::format("the artifact {} is damaged: {}; it is made again", file.string(), damage));
+      warn(pass, fmt::format("the artifact {} is damaged: {}; it is made again", file.string(), damage));
     }
-    // What is not written must be the same each time.
-    for (const heddle_frame::Mapping& mapping : frame.mappings)
-      if (mapping.is_written) std::memset(mapping.staging.data(), 0, mapping.staging.size());
-    for (const Access& access : stage.accesses)
-      if (access.access == HEDDLE_ACCESS_VALUE &&
-          technique_of(state).find_port(access.port)->direction == Direction::kOut)
-        set_value(pass.ports.at(access.port), {});
-    call_execute(state, scheduled, frame, timeless());
+    begin_anew(state, scheduled, frame);
+    run_slices(state, scheduled, frame, timeless(), use.key);
   }
   const ArtifactViews parts = made_parts(state, scheduled, frame);
   for (const auto& [name, bytes] : parts) use.bytes += bytes.size();
@@ -202,10 +187,11 @@ void Executor::State::execute_stage(PassState& state, const ScheduledStage& sche
   if (problem.empty()) {
     use.file = file.string();
   } else {
-    warn(services, pass, problem + "; it will be made again next time");
+    warn(pass, problem + "; it will be made again next time");
   }
-  const auto last = std::ranges::find_if(
-      stats.artifacts, [&](const ArtifactUse& known) { return known.pass == use.pass && known.stage == use.stage; });
+  const auto last = std::ranges::find_if(stats.artifacts, [&](const ArtifactUse& known) {
+    return known.job.empty() && known.pass == use.pass && known.stage == use.stage;
+  });
   if (last == stats.artifacts.end())
     stats.artifacts.push_back(std::move(use));
   else

@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // The C functions behind heddle_pass_host: parameters, values, mapped memory, and the commands of a gpu stage.
 
-#include "graph/execute_state.hpp"
+#include "graph/execute_calls.hpp"
+#include "graph/report.hpp"
+#include "graph/uses.hpp"
 
 #include <heddle/components.h>
+#include <heddle/meshes.h>
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstring>
 
 namespace heddle::graph {
@@ -17,58 +21,6 @@ namespace {
 
 /// Of long stages. Most are done before they are told of at all.
 constexpr std::chrono::seconds kTellEvery{2};
-
-PassState& state_of(const heddle_pass_host* self) {
-  return *static_cast<PassState*>(self->host);
-}
-
-Executor::State& executor_of(const PassState& pass) {
-  return *static_cast<Executor::State*>(pass.executor_state);
-}
-
-void say(const PassState& pass, Severity severity, std::string message, std::string help = {}) {
-  Executor::State& executor = executor_of(pass);
-  const Pass& declared = executor.pass_of(pass);
-  Diagnostic diagnostic;
-  diagnostic.severity = severity;
-  diagnostic.where = declared.where;
-  diagnostic.message =
-      fmt::format("pass '{}' ({}): {}", declared.name, declared.entry.technique->id, std::move(message));
-  diagnostic.help = std::move(help);
-  if (severity == Severity::kError) {
-    executor.errors.push_back(std::move(diagnostic));
-  } else {
-    executor.services.log(severity, to_text(diagnostic));
-  }
-}
-
-/// Runs `body`; an exception becomes a reported error and its status, so that nothing throws across the border.
-template <class Body>
-heddle_status guarded(PassState& pass, Body body) {
-  try {
-    return body();
-  } catch (const Error& error) {
-    for (const Diagnostic& diagnostic : error.diagnostics()) executor_of(pass).errors.push_back(diagnostic);
-    return error.status();
-  } catch (const std::exception& error) {
-    say(pass, Severity::kError, error.what());
-    return HEDDLE_FAILED;
-  }
-}
-
-heddle_status wrong(const PassState& pass, std::string message) {
-  say(pass, Severity::kError, std::move(message), "this is a mistake of the technique, not of the graph");
-  return HEDDLE_BUG;
-}
-
-/// True where a cached stage may ask for it, and of what is no such stage. Else told as a mistake: what was kept could
-/// be stale.
-bool is_in_key(const PassState& pass, bool is_declared, std::string_view what) {
-  if (pass.cached_stage == nullptr || is_declared) return true;
-  wrong(pass, fmt::format("stage '{}' is cached and asks for {}, which its key does not hold", pass.cached_stage->name,
-                          what));
-  return false;
-}
 
 bool is_cached_by(const PassState& pass, std::string_view parameter) {
   return pass.cached_stage != nullptr &&
@@ -110,12 +62,14 @@ heddle_status component_table(const heddle_pass_host* self, heddle_frame*, const
   }
   return guarded(pass, [&] {
     const ComponentType& type = *executor.services.registry.components().find(name);
-    const scene::Components& components = executor.scene->components;
+    const scene::Scene* asked = executor.asked_scene(pass);
+    const std::uint64_t revision = asked != nullptr ? scene::component_revision(*asked) : 0;
     ComponentRows& rows = executor.component_rows[name];
-    if (rows.revision != executor.component_revision) {
+    if (rows.revision != revision || rows.property_names.empty()) {
       rows = {};
-      rows.revision = executor.component_revision;
-      for (const scene::Component& component : components.of(name)) {
+      rows.revision = revision;
+      const scene::Components none;
+      for (const scene::Component& component : (asked != nullptr ? asked->components : none).of(name)) {
         rows.owner_kinds.push_back(static_cast<std::uint32_t>(component.owner));
         rows.owners.push_back(component.id);
         rows.written.push_back(component.written);
@@ -147,8 +101,78 @@ heddle_status component_table(const heddle_pass_host* self, heddle_frame*, const
 
 constexpr heddle_components_service kComponentsService{sizeof(heddle_components_service), 0, component_table};
 
+template <typename Record>
+heddle_status hand_out(Record record, Record* out) {
+  record.struct_size = std::min<std::uint32_t>(out->struct_size, sizeof record);
+  std::memcpy(out, &record, record.struct_size);
+  return HEDDLE_OK;
+}
+
+heddle_status scene_content(const heddle_pass_host* self, heddle_scene_content* out) {
+  PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, "the scene's meshes")) return HEDDLE_BUG;
+  heddle_scene_content content{};
+  if (const scene::Scene* asked = executor_of(pass).asked_scene(pass); asked != nullptr) {
+    content.mesh_count = static_cast<std::uint32_t>(asked->meshes.size());
+    content.instance_count = static_cast<std::uint32_t>(asked->instances.size());
+    content.revision = scene::component_revision(*asked);
+    content.motion_revision = asked->motion_revision;
+  }
+  return hand_out(content, out);
+}
+
+heddle_status scene_mesh(const heddle_pass_host* self, std::uint32_t index, heddle_scene_mesh* out) {
+  PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, "the scene's meshes")) return HEDDLE_BUG;
+  const scene::Scene* asked = executor_of(pass).asked_scene(pass);
+  if (asked == nullptr || index >= asked->meshes.size()) {
+    return wrong(
+        pass, fmt::format("asks for mesh {} of a scene with {}", index, asked != nullptr ? asked->meshes.size() : 0));
+  }
+  const scene::Mesh& mesh = asked->meshes[index];
+  const bool has_bent = mesh.shape != mesh.previous_shape;
+  heddle_scene_mesh record{};
+  record.material = mesh.material;
+  record.vertex_count = static_cast<std::uint32_t>(mesh.vertices.size());
+  record.index_count = static_cast<std::uint32_t>(mesh.indices.size());
+  record.vertices = mesh.vertices.data();
+  record.previous_vertices = has_bent ? mesh.previous_vertices.data() : mesh.vertices.data();
+  record.indices = mesh.indices.data();
+  record.face_sizes = mesh.face_sizes.empty() ? nullptr : mesh.face_sizes.data();
+  record.face_count =
+      static_cast<std::uint32_t>(mesh.face_sizes.empty() ? mesh.indices.size() / 3 : mesh.face_sizes.size());
+  record.crease_count = static_cast<std::uint32_t>(mesh.sharpness.size());
+  record.creases = mesh.creases.data();
+  record.sharpness = mesh.sharpness.data();
+  record.shape = mesh.shape;
+  record.previous_shape = has_bent ? mesh.previous_shape : mesh.shape;
+  return hand_out(record, out);
+}
+
+heddle_status scene_instance(const heddle_pass_host* self, std::uint32_t index, heddle_scene_instance* out) {
+  PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, "the scene's instances")) return HEDDLE_BUG;
+  const scene::Scene* asked = executor_of(pass).asked_scene(pass);
+  if (asked == nullptr || index >= asked->instances.size()) {
+    return wrong(pass, fmt::format("asks for instance {} of a scene with {}", index,
+                                   asked != nullptr ? asked->instances.size() : 0));
+  }
+  const scene::Instance& instance = asked->instances[index];
+  heddle_scene_instance record{};
+  record.mesh = instance.mesh;
+  for (glm::length_t i = 0; i < 16; ++i) {
+    record.scene_from_object[i] = instance.scene_from_object[i / 4][i % 4];
+    record.previous_scene_from_object[i] = instance.previous_scene_from_object[i / 4][i % 4];
+  }
+  return hand_out(record, out);
+}
+
+constexpr heddle_meshes_service kMeshesService{sizeof(heddle_meshes_service), 0, scene_content, scene_mesh,
+                                               scene_instance};
+
 const void* service(const heddle_pass_host*, const char* id) {
-  return std::strcmp(id, HEDDLE_COMPONENTS_SERVICE) == 0 ? &kComponentsService : nullptr;
+  if (std::strcmp(id, HEDDLE_COMPONENTS_SERVICE) == 0) return &kComponentsService;
+  return std::strcmp(id, HEDDLE_MESHES_SERVICE) == 0 ? &kMeshesService : views_service(id);
 }
 
 void fill_shape(const Executor::State& executor, const Pass& pass, const std::string& port, heddle_shape& out) {
@@ -256,8 +280,9 @@ heddle_status set_value(const heddle_pass_host* self, heddle_frame*, const char*
     Executor::State& executor = executor_of(pass);
     const Pass& declared = executor.pass_of(pass);
     const Port* own = executor.technique_of(pass).find_port(port);
-    if (own == nullptr || own->direction == Direction::kIn || own->type != PortType::kValue) {
-      return wrong(pass, fmt::format("sets '{}', which is none of its out values", port));
+    if (own == nullptr || own->direction == Direction::kIn ||
+        (own->type != PortType::kValue && own->type != PortType::kArtifact)) {
+      return wrong(pass, fmt::format("sets '{}', which is none of its out values and artifacts", port));
     }
     if (!is_in_key(pass, is_of_cached_stage(pass, port), fmt::format("value '{}'", port))) return HEDDLE_BUG;
     executor.set_value(declared.ports.at(port), {static_cast<const std::byte*>(data), bytes});
@@ -309,25 +334,11 @@ heddle_status snapshot(const heddle_pass_host* self, heddle_frame* frame, const 
                                "is not bound",
                                port));
     }
-    *out = &executor.snapshot.update(*executor.scene);
-    if (out_alpha_test != nullptr) *out_alpha_test = executor.snapshot.alpha_test();
+    const scene::Snapshot& snapshot = executor.take_snapshot(executor.pass_of(pass).ports.find(port)->second, *frame);
+    *out = &snapshot.record();
+    if (out_alpha_test != nullptr) *out_alpha_test = snapshot.alpha_test();
     return HEDDLE_OK;
   });
-}
-
-/// The shader of this stage and kind, or nullptr after a report.
-ShaderState* find_shader(PassState& pass, const heddle_frame* frame, const char* name, ShaderKind kind) {
-  const auto found = pass.shaders.find(std::string_view(name));
-  if (found == pass.shaders.end() || found->second.shader->kind != kind || found->second.stage != frame->stage->stage) {
-    wrong(pass, fmt::format("stage '{}' has no shader '{}' of this kind",
-                            executor_of(pass).technique_of(pass).stages[frame->stage->stage].name, name));
-    return nullptr;
-  }
-  if (frame->commands == VK_NULL_HANDLE) {
-    wrong(pass, fmt::format("records shader '{}' outside of record", name));
-    return nullptr;
-  }
-  return &found->second;
 }
 
 heddle_status dispatch(const heddle_pass_host* self, heddle_frame* frame, const char* name, std::uint32_t x,
@@ -383,15 +394,6 @@ heddle_status dispatch_over_list(const heddle_pass_host* self, heddle_frame* fra
   });
 }
 
-void set_viewport(const heddle_vulkan& vk, VkCommandBuffer commands, std::uint32_t x, std::uint32_t y,
-                  std::uint32_t width, std::uint32_t height) {
-  const VkViewport viewport{
-      static_cast<float>(x), static_cast<float>(y), static_cast<float>(width), static_cast<float>(height), 0.0F, 1.0F};
-  const VkRect2D scissor{{static_cast<std::int32_t>(x), static_cast<std::int32_t>(y)}, {width, height}};
-  vk.CmdSetViewport(commands, 0, 1, &viewport);
-  vk.CmdSetScissor(commands, 0, 1, &scissor);
-}
-
 heddle_status fullscreen(const heddle_pass_host* self, heddle_frame* frame, const char* name, std::uint32_t layer,
                          const void* push, std::uint32_t push_bytes) {
   PassState& pass = state_of(self);
@@ -411,48 +413,77 @@ heddle_status fullscreen(const heddle_pass_host* self, heddle_frame* frame, cons
   });
 }
 
-heddle_status draw(const heddle_pass_host* self, heddle_frame* frame, const heddle_draw* given) {
+/// The batch as the host keeps it. Throws if it does not lie in the port's buffers or the scene.
+scene::MadeBatch check_batch(const Executor::State& executor, ResourceIndex surfaces, const heddle_batch& given,
+                             std::uint32_t number) {
+  scene::MadeBatch batch;
+  std::memcpy(&batch.record, &given, std::min<std::size_t>(given.struct_size, sizeof batch.record));
+  heddle_batch& record = batch.record;
+  record.struct_size = sizeof record;
+  if (record.placed > 0) batch.placed.assign(record.instances, record.instances + record.placed);
+  record.instances = nullptr;
+  const auto complain = [&](const std::string& what) {
+    throw Error(HEDDLE_BUG, fmt::format("batch {} of '{}' {}", number, executor.graph.resources[surfaces].name, what));
+  };
+  const BatchBuffers buffers = batch_buffers_of(executor.graph, surfaces);
+  const auto room = [&](ResourceIndex buffer, std::uint64_t element) -> std::uint64_t {
+    if (buffer == kNoIndex) return 0;
+    const Resource& resource = executor.graph.resources[buffer];
+    return resource.is_list() ? resource.capacity : resource.byte_size / element;
+  };
+  if (record.material >= executor.scene->materials.size()) {
+    complain(fmt::format("has material {} of a scene with {}", record.material, executor.scene->materials.size()));
+  }
+  if (batch.placed.empty()) {
+    const std::uint64_t most = room(buffers.commands, sizeof(VkDrawIndexedIndirectCommand));
+    const bool is_list = buffers.commands != kNoIndex && executor.graph.resources[buffers.commands].is_list();
+    if (std::uint64_t{record.first_command} + record.command_count > most || (is_list && record.first_command != 0)) {
+      complain(fmt::format("has commands {} to {} of {}{}", record.first_command,
+                           std::uint64_t{record.first_command} + record.command_count, most,
+                           is_list ? ", of a list: expected the first one to be 0" : ""));
+    }
+    return batch;
+  }
+  const std::uint64_t most = room(buffers.indices, sizeof(std::uint32_t));
+  if (std::uint64_t{record.first_index} + record.index_count > most || record.index_count % 3 != 0) {
+    complain(fmt::format("has indices {} to {} of {}: expected triangles within them", record.first_index,
+                         std::uint64_t{record.first_index} + record.index_count, most));
+  }
+  for (const float bound : record.bounds)
+    if (!std::isfinite(bound)) complain(fmt::format("has the bound {}", bound));
+  std::sort(batch.placed.begin(), batch.placed.end());
+  if (batch.placed.back() >= executor.scene->instances.size() ||
+      std::adjacent_find(batch.placed.begin(), batch.placed.end()) != batch.placed.end()) {
+    complain(fmt::format("places an instance twice, or one beyond the scene's {}", executor.scene->instances.size()));
+  }
+  return batch;
+}
+
+heddle_status set_batches(const heddle_pass_host* self, heddle_frame* frame, const char* port,
+                          const heddle_batch* given, std::uint32_t count, std::uint64_t revision) {
   PassState& pass = state_of(self);
   return guarded(pass, [&]() -> heddle_status {
-    heddle_draw wanted{};
-    std::memcpy(&wanted, given, std::min<std::size_t>(given->struct_size, sizeof wanted));
-    ShaderState* shader = find_shader(pass, frame, wanted.shader, ShaderKind::kSurfaces);
-    if (shader == nullptr) return HEDDLE_BUG;
     Executor::State& executor = executor_of(pass);
-    const Pass& declared = executor.pass_of(pass);
     const Stage& stage = executor.technique_of(pass).stages[frame->stage->stage];
     const bool is_declared = std::any_of(stage.accesses.begin(), stage.accesses.end(), [&](const Access& access) {
-      return access.port == wanted.surfaces && access.access == HEDDLE_ACCESS_DRAW;
+      return access.port == port && access.access == HEDDLE_ACCESS_BATCHES;
     });
     if (!is_declared) {
-      return wrong(pass, fmt::format("draws '{}', which its stage does not declare as DRAW", wanted.surfaces));
+      return wrong(pass, fmt::format("sets batches of '{}', which its stage does not declare as BATCHES", port));
     }
-    HeddleView view{};
-    if (wanted.view != nullptr) {
-      view = *wanted.view;
-    } else {
-      std::uint64_t bytes = 0;
-      const void* camera = value(self, frame, "camera", &bytes);
-      if (camera == nullptr || bytes != sizeof view)
-        return wrong(pass, "draws without a view and has no port 'camera'");
-      std::memcpy(&view, camera, sizeof view);
-    }
-    if (wanted.order > HEDDLE_ORDER_TRIANGLES_BACK_TO_FRONT || wanted.cull > HEDDLE_CULL_MATERIAL) {
-      return wrong(pass, fmt::format("draws '{}' with the unknown order {} or cull {}", wanted.surfaces, wanted.order,
-                                     wanted.cull));
-    }
-    const heddle_vulkan& vk = executor.device->table();
-    executor.begin_rendering(pass, *frame, wanted.layer);
-    if (declared.ports.count(std::string_view(wanted.surfaces)) != 0) {
-      const VkExtent2D extent = executor.attachment_extent(declared, stage);
-      if (wanted.width == 0) {
-        set_viewport(vk, frame->commands, 0, 0, extent.width, extent.height);
-      } else {
-        set_viewport(vk, frame->commands, wanted.x, wanted.y, wanted.width, wanted.height);
+    const ResourceIndex surfaces = executor.pass_of(pass).ports.find(std::string_view(port))->second;
+    std::vector<scene::MadeBatch> batches;
+    std::vector<std::uint8_t> is_placed(executor.scene->instances.size(), 0);
+    const auto* bytes = reinterpret_cast<const std::byte*>(given);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const auto& batch = *reinterpret_cast<const heddle_batch*>(bytes + std::size_t{i} * given->struct_size);
+      batches.push_back(check_batch(executor, surfaces, batch, i));
+      for (const std::uint32_t instance : batches.back().placed) {
+        if (is_placed[instance]++ == 0) continue;
+        return wrong(pass, fmt::format("places instance {} in two batches of '{}'", instance, port));
       }
-      executor.draw_surfaces(pass, *shader, wanted, view);
     }
-    vk.CmdEndRendering(frame->commands);
+    executor.set_batches(surfaces, std::move(batches), revision);
     return HEDDLE_OK;
   });
 }
@@ -540,6 +571,12 @@ std::uint32_t text(const heddle_pass_host* self, const char* name, std::uint32_t
 const char* resolve_path(const heddle_pass_host* self, const char* path) {
   PassState& pass = state_of(self);
   if (!is_in_key(pass, false, fmt::format("the file '{}'", path))) return "";
+  const Executor::State& executor = executor_of(pass);
+  if (executor.graph.is_job && !executor.is_key_file(executor.pass_of(pass), path)) {
+    wrong(pass,
+          fmt::format("asks for the file '{}', which no parameter names: what a job reads is part of its key", path));
+    return "";
+  }
   pass.resolved_path = (executor_of(pass).graph.folder / path).lexically_normal().string();
   return pass.resolved_path.c_str();
 }
@@ -566,20 +603,57 @@ heddle_status set_text(const heddle_pass_host* self, const char* name, const cha
 heddle_status progress(const heddle_pass_host* self, heddle_frame* frame, double done) {
   PassState& pass = state_of(self);
   return guarded(pass, [&]() -> heddle_status {
-    const Executor::State& executor = executor_of(pass);
-    if (executor.services.is_cancelled != nullptr && executor.services.is_cancelled->load()) return HEDDLE_CANCELLED;
+    Executor::State& executor = executor_of(pass);
+    const bool is_cancelled = executor.services.is_cancelled != nullptr && executor.services.is_cancelled->load();
+    if (is_cancelled && !frame->stops_at_slices) return HEDDLE_CANCELLED;
     const Pass& declared = executor.pass_of(pass);
     const std::string& stage = executor.technique_of(pass).stages[frame->stage->stage].name;
     done = std::clamp(done, 0.0, 1.0);
-    if (executor.services.progress) {
-      executor.services.progress(fmt::format("stage '{}' of pass '{}'", stage, declared.name), done);
+    if (executor.services.progress && !executor.stop_reason) {
+      try {
+        executor.services.progress(fmt::format("stage '{}' of pass '{}'", stage, declared.name), done);
+      } catch (...) {
+        if (!frame->stops_at_slices) throw;
+        executor.stop_reason = std::current_exception();
+      }
     }
     const auto now = std::chrono::steady_clock::now();
-    if (now - frame->told < kTellEvery) return HEDDLE_OK;
+    // That all is done, its end says.
+    if (now - frame->told < kTellEvery || done >= 1.0) return HEDDLE_OK;
     frame->told = now;
     say(pass, Severity::kInfo,
         fmt::format("stage '{}': {:.0f} % after {:.0f} s", stage, 100.0 * done,
                     std::chrono::duration<double>(now - frame->began).count()));
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status add_row(const heddle_pass_host* self, heddle_frame*, const char* port, const heddle_report_row* row) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    Executor::State& executor = executor_of(pass);
+    const Port* own = executor.technique_of(pass).find_port(port);
+    if (own == nullptr || own->type != PortType::kReport)
+      return wrong(pass, fmt::format("adds a row to '{}', which is none of its reports", port));
+    heddle_report_row given{};
+    std::memcpy(&given, row, std::min<std::size_t>(row->struct_size, sizeof given));
+    if (given.message == nullptr || given.level > HEDDLE_SEVERITY_INFO)
+      return wrong(pass, fmt::format("adds a row to '{}' without a message, or of the level {}", port, given.level));
+    Value& value = executor.resources[executor.pass_of(pass).ports.at(port)].value;
+    const std::string line = report_line(given) + "\n";
+    const auto bytes = std::as_bytes(std::span(line));
+    value.bytes.insert(value.bytes.end(), bytes.begin(), bytes.end());
+    value.is_set = true;
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status keep_state(const heddle_pass_host* self, heddle_frame* frame, const void* data, std::uint64_t bytes) {
+  PassState& pass = state_of(self);
+  return guarded(pass, [&]() -> heddle_status {
+    if (!frame->is_saving) return wrong(pass, "calls keep_state outside of save_state");
+    const auto* first = static_cast<const std::byte*>(data);
+    frame->state.insert(frame->state.end(), first, first + bytes);
     return HEDDLE_OK;
   });
 }
@@ -609,7 +683,7 @@ void fill_pass_host(PassState& pass, const heddle_vulkan& table) {
   api.dispatch = dispatch;
   api.dispatch_over = dispatch_over;
   api.fullscreen = fullscreen;
-  api.draw = draw;
+  api.draw = draw_unplaced;
   api.barrier = barrier;
   api.update_buffer = update_buffer;
   api.vulkan = &table;
@@ -624,6 +698,9 @@ void fill_pass_host(PassState& pass, const heddle_vulkan& table) {
   api.dispatch_over_list = dispatch_over_list;
   api.request_redeclare = request_redeclare;
   api.progress = progress;
+  api.add_row = add_row;
+  api.keep_state = keep_state;
+  api.set_batches = set_batches;
 }
 
 heddle_shape shape_of(const Resource& resource) {
@@ -652,7 +729,8 @@ VkExtent2D Executor::State::attachment_extent(const Pass& pass, const Stage& sta
   return {0, 0};
 }
 
-void Executor::State::begin_rendering(const PassState& state, heddle_frame& frame, std::uint32_t layer) {
+void Executor::State::begin_rendering(const PassState& state, heddle_frame& frame, std::uint32_t layer,
+                                      const Drawing* drawing) {
   const Pass& pass = pass_of(state);
   const Stage& stage = technique_of(state).stages[frame.stage->stage];
   const bool is_first = frame.drawn_layers.insert(layer).second;
@@ -673,9 +751,11 @@ void Executor::State::begin_rendering(const PassState& state, heddle_frame& fram
     attachment.storeOp =
         access.access == HEDDLE_ACCESS_DEPTH_READ ? VK_ATTACHMENT_STORE_OP_NONE : VK_ATTACHMENT_STORE_OP_STORE;
     const bool is_there = access.load == HEDDLE_LOAD_CLEAR_NEW && pass.inout_sources.count(access.port) != 0;
-    attachment.loadOp = !is_first || is_there || access.load == HEDDLE_LOAD_KEEP ? VK_ATTACHMENT_LOAD_OP_LOAD
-                        : access.load == HEDDLE_LOAD_DONT_CARE                   ? VK_ATTACHMENT_LOAD_OP_DONT_CARE
-                                                                                 : VK_ATTACHMENT_LOAD_OP_CLEAR;
+    attachment.loadOp = drawing != nullptr
+                            ? (drawing->clears ? VK_ATTACHMENT_LOAD_OP_CLEAR : VK_ATTACHMENT_LOAD_OP_LOAD)
+                        : !is_first || is_there || access.load == HEDDLE_LOAD_KEEP ? VK_ATTACHMENT_LOAD_OP_LOAD
+                        : access.load == HEDDLE_LOAD_DONT_CARE                     ? VK_ATTACHMENT_LOAD_OP_DONT_CARE
+                                                                                   : VK_ATTACHMENT_LOAD_OP_CLEAR;
     if (is_depth) {
       attachment.clearValue.depthStencil = {access.clear[0], 0};
       depth = attachment;
@@ -687,6 +767,12 @@ void Executor::State::begin_rendering(const PassState& state, heddle_frame& fram
   }
   VkRenderingInfo info_rendering{VK_STRUCTURE_TYPE_RENDERING_INFO};
   info_rendering.renderArea.extent = attachment_extent(pass, stage);
+  // What is cleared is the area.
+  if (drawing != nullptr && drawing->wanted.width != 0) {
+    info_rendering.renderArea = {
+        {static_cast<std::int32_t>(drawing->wanted.x), static_cast<std::int32_t>(drawing->wanted.y)},
+        {drawing->wanted.width, drawing->wanted.height}};
+  }
   info_rendering.layerCount = 1;
   info_rendering.colorAttachmentCount = static_cast<std::uint32_t>(colors.size());
   info_rendering.pColorAttachments = colors.data();

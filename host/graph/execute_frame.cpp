@@ -2,6 +2,7 @@
 // One frame: scene values in, stages in order with their barriers, kept resources readable at the end.
 
 #include "graph/execute_state.hpp"
+#include "scene/light_texture.hpp"
 
 #include <fmt/format.h>
 
@@ -59,7 +60,7 @@ void Executor::State::begin_commands() {
   vulkan::check(vk.BeginCommandBuffer(commands, &begin), "vkBeginCommandBuffer");
 }
 
-void Executor::State::submit_and_wait() {
+void Executor::State::submit() {
   const heddle_vulkan& vk = device->table();
   vulkan::check(vk.EndCommandBuffer(commands), "vkEndCommandBuffer");
   VkCommandBufferSubmitInfo buffer{VK_STRUCTURE_TYPE_COMMAND_BUFFER_SUBMIT_INFO};
@@ -67,12 +68,23 @@ void Executor::State::submit_and_wait() {
   VkSubmitInfo2 submit{VK_STRUCTURE_TYPE_SUBMIT_INFO_2};
   submit.commandBufferInfoCount = 1;
   submit.pCommandBufferInfos = &buffer;
-  const auto start = Clock::now();
+  if (stats.submit_ms == 0) first_submission = Clock::now();
   vulkan::check(vk.QueueSubmit2(device->queue(), 1, &submit, fence), "vkQueueSubmit2");
-  vulkan::check(vk.WaitForFences(vk.device, 1, &fence, VK_TRUE, ~0ULL), "vkWaitForFences");
-  stats.submit_ms += milliseconds_since(start);
-  vulkan::check(vk.ResetFences(vk.device, 1, &fence), "vkResetFences");
   commands = VK_NULL_HANDLE;
+}
+
+void Executor::State::wait_for(VkFence awaited) {
+  const heddle_vulkan& vk = device->table();
+  vulkan::check(vk.WaitForFences(vk.device, 1, &awaited, VK_TRUE, ~0ULL), "vkWaitForFences");
+  ++stats.waits.waits;
+}
+
+void Executor::State::submit_and_wait() {
+  submit();
+  wait_for(fence);
+  stats.submit_ms = milliseconds_since(first_submission);  // cpu stages between two submissions count
+  const heddle_vulkan& vk = device->table();
+  vulkan::check(vk.ResetFences(vk.device, 1, &fence), "vkResetFences");
 }
 
 void Executor::State::record_barriers(std::span<const Barrier> list) {
@@ -158,9 +170,12 @@ void Executor::State::set_value(ResourceIndex resource, std::span<const std::byt
 namespace {
 
 void grow(Executor::State& state, vulkan::Buffer& buffer, std::uint64_t size, VkBufferUsageFlags usage) {
-  if (buffer && buffer.size() >= size) return;
-  if (buffer) state.frame_buffers.push_back(std::move(buffer));  // commands of this frame may still read it
-  buffer = state.device->make_buffer(std::max<std::uint64_t>(size * 2, 1024), usage, true);
+  if (buffer && buffer.size() >= size && state.in_flight.empty()) return;
+  if (buffer)
+    state.frame_buffers.push_back(std::move(buffer));  // commands of this frame or of one in flight may read it
+  // Room to grow for what is small; images, such as those of lights, come as they are.
+  constexpr std::uint64_t kSmall = std::uint64_t{1} << 20U;
+  buffer = state.device->make_buffer(std::max<std::uint64_t>(size < kSmall ? size * 2 : size, 1024), usage, true);
 }
 
 }  // namespace
@@ -190,8 +205,7 @@ VkDescriptorBufferInfo Executor::State::storage_of(Value& value) {
 
 /// Components as shaders see them; made anew when a component changed, or for another scene.
 void Executor::State::set_component_values(const scene::Scene& rendered) {
-  // Both only grow, and content revisions of two scenes are far apart: no two tables have the same number.
-  component_revision = rendered.content_revision + rendered.components.revision();
+  const std::uint64_t component_revision = scene::component_revision(rendered);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
     const bool is_scene = resource.producer == kNoIndex && resource.history_of == kNoIndex;
@@ -206,11 +220,15 @@ void Executor::State::set_component_values(const scene::Scene& rendered) {
 }
 
 void Executor::State::set_scene_values(const scene::Scene& rendered) {
-  const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
-  previous_origin = origin;
-  origin = {camera.position[0], camera.position[1], camera.position[2]};
-  const HeddleView view = scene::make_view(camera, graph.width, graph.height, origin,
-                                           info.cut != 0 || !previous_camera ? nullptr : &*previous_camera);
+  HeddleView view{};
+  if (!graph.is_job) {  // a job has no camera, and its origin is the middle of the scene
+    const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
+    previous_origin = origin;
+    origin = {camera.position[0], camera.position[1], camera.position[2]};
+    view = scene::make_view(camera, graph.width, graph.height, origin,
+                            info.cut != 0 || !previous_camera ? nullptr : &*previous_camera);
+    previous_camera = camera;
+  }
   const std::vector<HeddleLight> lights = scene::SceneBuffers::lights(rendered, origin);
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
@@ -219,14 +237,19 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     if (resource.port == "camera") set_value(i, std::as_bytes(std::span(&view, 1)));
     if (resource.port == "lights") set_value(i, std::as_bytes(std::span(lights)));
     if (resource.port == "environment") set_environment(i, rendered);
+    if (resource.port == "light_textures") set_light_textures(i, rendered);
   }
   set_component_values(rendered);
-  previous_camera = camera;
   if (!scene_buffers || scene != &rendered) {
+    wait_for_frames();
     scene_buffers = std::make_unique<scene::SceneBuffers>(*device, materials_layout);
     scene = &rendered;
   }
-  scene_buffers->update(rendered, origin);
+  if (scene_buffers->update_remakes(rendered)) wait_for_frames();
+  scene_buffers->update(rendered, origin,
+                        [this](const vulkan::Buffer& target, std::uint64_t offset, std::span<const std::byte> bytes) {
+                          upload_in_frame(target, offset, bytes);
+                        });
   if (info.cut != 0) previous_origin = origin;
   for (std::size_t i = 0; i < 3; ++i) {
     info.origin[i] = origin[static_cast<glm::length_t>(i)];
@@ -252,6 +275,25 @@ void Executor::State::set_environment(ResourceIndex resource, const scene::Scene
   value.bytes.insert(value.bytes.end(), texels.begin(), texels.end());
 }
 
+/// Megabytes too: made anew only when a light has another texture.
+void Executor::State::set_light_textures(ResourceIndex resource, const scene::Scene& rendered) {
+  const std::vector<const scene::LightTexture*> textures = scene::light_textures(rendered);
+  std::vector<std::uint64_t> revisions;
+  for (const scene::LightTexture* texture : textures) revisions.push_back(texture->revision);
+  Value& value = resources[resource].value;
+  if (value.is_set && revisions == light_texture_revisions) return;
+  const std::vector<std::byte> elements = scene::light_texture_elements(textures);
+  if (elements.size() + 16 > device->limits().maxStorageBufferRange) {
+    throw Error(HEDDLE_UNSUPPORTED,
+                fmt::format("the textures of {} lights have {} bytes with their levels, and shaders of this device "
+                            "reach {} at once",
+                            textures.size(), elements.size(), device->limits().maxStorageBufferRange - 16),
+                "smaller or fewer textures");
+  }
+  set_value(resource, elements);
+  light_texture_revisions = revisions;
+}
+
 std::uint32_t Executor::State::add_view(const HeddleView& view) {
   // 512 bytes apart: a multiple of every device's minUniformBufferOffsetAlignment (at most 256) that holds a view.
   constexpr std::uint32_t kStride = 512;
@@ -261,45 +303,47 @@ std::uint32_t Executor::State::add_view(const HeddleView& view) {
     if (views) frame_buffers.push_back(std::move(views));
     views = device->make_buffer(size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT, true);
     view_count = 0;
-    program_set = VK_NULL_HANDLE;
+    program_sets.clear();
   }
   const std::uint32_t offset = view_count * kStride;
   std::memcpy(views.data() + offset, &view, sizeof view);
   device->note_host_write(views, offset, sizeof view);
   ++view_count;
-  if (program_set == VK_NULL_HANDLE) {
-    const heddle_vulkan& vk = device->table();
-    program_set = allocate_set(program_layout);
-    const std::array<VkDescriptorBufferInfo, 4> buffers{{{scene_buffers->vertices().handle(), 0, VK_WHOLE_SIZE},
-                                                         {scene_buffers->instances().handle(), 0, VK_WHOLE_SIZE},
-                                                         {scene_buffers->materials().handle(), 0, VK_WHOLE_SIZE},
-                                                         {views.handle(), 0, sizeof(HeddleView)}}};
-    std::array<VkWriteDescriptorSet, 4> writes{};
-    for (std::uint32_t i = 0; i < writes.size(); ++i) {
-      writes[i] = {VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
-      writes[i].dstSet = program_set;
-      writes[i].dstBinding = i;
-      writes[i].descriptorCount = 1;
-      writes[i].descriptorType = i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-      writes[i].pBufferInfo = &buffers[i];
-    }
-    vk.UpdateDescriptorSets(vk.device, writes.size(), writes.data(), 0, nullptr);
-  }
   return offset;
 }
 
-Executor::State::DrawRange Executor::State::draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum) {
-  constexpr std::uint64_t kStride = sizeof(VkDrawIndexedIndirectCommand);
-  const DrawRange whole{scene_buffers->commands().handle(), group.first_command * kStride, group.command_count};
-  if (!variant.culls) {
-    stats.instances_drawn += group.instance_count;
-    return whole;
+/// Set 3 of a drawing from these buffers; made once for a submission's views.
+VkDescriptorSet Executor::State::make_program_set(VkBuffer vertices, VkBuffer instances) {
+  VkDescriptorSet& set = program_sets[{vertices, instances}];
+  if (set != VK_NULL_HANDLE) return set;
+  const heddle_vulkan& vk = device->table();
+  set = allocate_set(program_layout);
+  const std::array<VkDescriptorBufferInfo, 4> buffers{{{vertices, 0, VK_WHOLE_SIZE},
+                                                       {instances, 0, VK_WHOLE_SIZE},
+                                                       {scene_buffers->materials().handle(), 0, VK_WHOLE_SIZE},
+                                                       {views.handle(), 0, sizeof(HeddleView)}}};
+  std::array<VkWriteDescriptorSet, 4> writes{};
+  for (std::uint32_t i = 0; i < writes.size(); ++i) {
+    writes[i] = {VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
+    writes[i].dstSet = set;
+    writes[i].dstBinding = i;
+    writes[i].descriptorCount = 1;
+    writes[i].descriptorType = i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+    writes[i].pBufferInfo = &buffers[i];
   }
-  const scene::VisibleDraws visible = scene_buffers->visible(group, frustum);
+  vk.UpdateDescriptorSets(vk.device, writes.size(), writes.data(), 0, nullptr);
+  return set;
+}
+
+Executor::State::DrawRange Executor::State::draw_range(const scene::DrawGroup& group,
+                                                       const scene::VisibleDraws& visible, VkBuffer own) {
+  constexpr std::uint64_t kStride = sizeof(VkDrawIndexedIndirectCommand);
   stats.instances_drawn += visible.drawn;
   stats.instances_culled += visible.culled;
-  if (visible.culled == 0) return whole;
   if (visible.drawn == 0) return {};
+  if (own != VK_NULL_HANDLE && visible.drawn == group.instance_count) {
+    return {own, group.first_command * kStride, group.command_count};
+  }
   const std::uint64_t bytes = visible.commands.size() * kStride;
   if (!draw_commands || draw_command_bytes + bytes > draw_commands.size()) {
     const std::uint64_t size = std::max<std::uint64_t>({draw_commands ? draw_commands.size() * 2 : 0, bytes, 4096});
@@ -321,9 +365,14 @@ void Executor::State::write_neutral(PassState& state, const ScheduledStage& stag
   for (const Access& access : declared.accesses) {
     const auto found = pass.ports.find(access.port);
     if (found == pass.ports.end()) continue;
-    const AccessInfo use = access_info(access.access, PortType::kImage, graph.resources[found->second].format);
     ResourceState& target = root(found->second);
-    if (!use.writes || !target.image) continue;
+    if (access.access == HEDDLE_ACCESS_BATCHES) {
+      set_batches(found->second, {}, 0);
+      continue;
+    }
+    if (!target.image) continue;
+    const AccessInfo use = access_info(access.access, PortType::kImage, graph.resources[found->second].format);
+    if (!use.writes) continue;
     const RolePort* port = pass.role->find_port(access.port);
     const VkImageLayout layout = target.layout;
     clear_image(target, graph.resources[target.root], port != nullptr ? port->neutral : std::array<double, 4>{});
@@ -379,6 +428,10 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     const auto found = pass.ports.find(access.port);
     if (found == pass.ports.end()) continue;
     ResourceState& target = root(found->second);
+    if (access.access == HEDDLE_ACCESS_HOST_READ && graph.resources[found->second].type == PortType::kSurfaces) {
+      reads_device = copy_contents(found->second, frame) || reads_device;
+      continue;
+    }
     if (!target.image && !target.buffer) continue;
     const Resource& resource = graph.resources[target.root];
     if (declared.is_late(access, resource.type)) {
@@ -413,6 +466,9 @@ void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& sche
     else
       device->note_host_read(mapping.staging);
   }
+  for (const heddle_frame::Contents& contents : frame.contents)
+    for (const vulkan::Buffer& copy : contents.copies)
+      if (copy) device->note_host_read(copy);
   execute_stage(state, scheduled, frame);
   for (heddle_frame::Mapping& mapping : frame.mappings) {
     if (mapping.is_written) {
@@ -448,6 +504,7 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
       state.descriptor->activity != nullptr
           ? state.descriptor->activity(state.object, &state.api, scheduled.stage, &frame, &info)
           : HEDDLE_RUN;
+  throw_if_failed(state, HEDDLE_OK, "activity");
   record_barriers(before);
   const bool is_up_to_date = is_outdated.empty() || is_outdated[scheduled.pass] == 0;
   const bool keeps = activity == HEDDLE_KEEP && is_up_to_date;
@@ -465,74 +522,96 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
     return;
   }
   frame.commands = commands;
-  if (state.descriptor->record != nullptr) {
-    throw_if_failed(state, state.descriptor->record(state.object, &state.api, scheduled.stage, &frame, &info),
-                    "record");
+  const bool is_lasting = graph.is_job && keeps_artifacts() && makes_what_lasts(technique_of(state));
+  run_slices(state, scheduled, frame, info_for(pass_of(state)), is_lasting ? pass_keys[scheduled.pass] : std::string{});
+}
+
+void Executor::State::run_frame(const scene::Scene& rendered, const FrameOptions& options) {
+  const auto start = Clock::now();
+  begin_frame_memory();
+  stats.instances_drawn = stats.instances_culled = 0;
+  drawn_layers.clear();
+  looks.clear();
+  errors.clear();
+  stats.stages.clear();
+  stats.submit_ms = 0;
+  stats.stalls = 0;
+  stats.before = device->counters();
+  info.struct_size = sizeof info;
+  info.cut = options.cut || is_fresh ? 1U : 0U;
+  info.is_still = !graph.is_job && is_still(rendered, options) ? 1U : 0U;
+  info.index = frame_index;
+  info.time = options.time;
+  info.time_step = options.time_step;
+  info.seed = options.seed;
+  begin_checked_frame();
+  if (find_iterations()) {
+    if (is_continuing) info.time_step = 0;
+    begin_commands();
+    order_after_frames_in_flight();
+    turn_histories();
+    name_resources();
+    set_scene_values(rendered);
+    count_slots.clear();
+    stats.counts.clear();
+    run_stages(options.profile);
+    stop_if_cancelled();
+    label_commands(nullptr);
+    record_barriers(barriers.at_end);
+    publish_counts();
+    submitted_frame = info.index;
+    if (services.is_live && !graph.is_job) {
+      submit();
+      in_flight.push_back(std::move(static_cast<FrameMemory&>(*this)));
+      static_cast<FrameMemory&>(*this) = {};
+    } else {
+      submit_and_wait();
+      tell_counts(*this);
+      frame_buffers.clear();
+    }
+    ++frame_index;
+  }
+  stats.total_waits.waits += stats.waits.waits;
+  stats.total_waits.late_reads += stats.waits.late_reads;
+  stats.total_waits.stale_reads += stats.waits.stale_reads;
+  stats.after = device->counters();
+  stats.wall_ms = milliseconds_since(start);
+  ++stats.frame;
+  is_fresh = false;
+  has_frame = true;
+  is_outdated.clear();
+  throw_what_the_check_found();
+  const std::vector<std::string> complaints = device->take_validation_errors();
+  if (!complaints.empty()) {
+    std::vector<Diagnostic> all;
+    for (const std::string& complaint : complaints) {
+      Diagnostic diagnostic;
+      diagnostic.where.file = graph.file;
+      diagnostic.message = "the validation layer found: " + complaint;
+      all.push_back(std::move(diagnostic));
+    }
+    throw Error(HEDDLE_BUG, std::move(all));
   }
 }
 
 void Executor::render(const scene::Scene& rendered, const FrameOptions& options) {
   State& s = *state_;
-  const auto start = Clock::now();
   // Nothing of a failed frame may reach the next: its plan, values and recorded commands go.
   try {
-    if (!s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
+    s.planned_scene = &rendered;
+    const bool has_new_artifacts = s.run_jobs(rendered);
+    if (has_new_artifacts || !s.is_planned || !s.is_planned_for(rendered)) s.plan(rendered);
+    s.note_content(rendered);
+    s.stats.waits = {};
+    s.take_frame_memory();
     if (s.is_redeclare_due()) s.redeclare();
-    s.begin_frame_memory();
-    s.stats.instances_drawn = s.stats.instances_culled = 0;
-    s.drawn_layers.clear();
-    s.looks.clear();
-    s.errors.clear();
-    s.stats.stages.clear();
-    s.stats.submit_ms = 0;
-    s.stats.stalls = 0;
-    s.stats.before = s.device->counters();
-    s.info.struct_size = sizeof s.info;
-    s.info.cut = options.cut || s.is_fresh ? 1U : 0U;
-    s.info.is_still = s.is_still(rendered, options) ? 1U : 0U;
-    s.info.index = s.frame_index;
-    s.info.time = options.time;
-    s.info.time_step = options.time_step;
-    s.info.seed = options.seed;
-    s.begin_checked_frame();
-    if (s.find_iterations()) {
-      if (s.is_continuing) s.info.time_step = 0;
-      s.begin_commands();
-      s.turn_histories();
-      s.name_resources();
-      s.set_scene_values(rendered);
-      s.count_slots.clear();
-      s.run_stages(options.profile);
-      s.stop_if_cancelled();
-      s.label_commands(nullptr);
-      s.record_barriers(s.barriers.at_end);
-      s.publish_counts();
-      s.submit_and_wait();
-      s.tell_counts();
-      s.frame_buffers.clear();
-      ++s.frame_index;
-    }
-    s.stats.after = s.device->counters();
-    s.stats.wall_ms = milliseconds_since(start);
-    ++s.stats.frame;
-    s.is_fresh = false;
-    s.has_frame = true;
-    s.is_outdated.clear();
-    s.throw_what_the_check_found();
-    const std::vector<std::string> complaints = s.device->take_validation_errors();
-    if (!complaints.empty()) {
-      std::vector<Diagnostic> all;
-      for (const std::string& complaint : complaints) {
-        Diagnostic diagnostic;
-        diagnostic.where.file = s.graph.file;
-        diagnostic.message = "the validation layer found: " + complaint;
-        all.push_back(std::move(diagnostic));
-      }
-      throw Error(HEDDLE_BUG, std::move(all));
-    }
+    s.planned_scene = nullptr;
+    s.run_frame(rendered, options);
   } catch (...) {
+    s.planned_scene = nullptr;
     s.commands = VK_NULL_HANDLE;
     s.previous_camera.reset();
+    if (s.scene_buffers) s.scene_buffers->forget();  // what this frame was to upload was not
     s.unplan();
     throw;
   }
@@ -550,6 +629,7 @@ Executor::ReadBack Executor::read_into(std::string_view name, std::uint32_t laye
                                        std::optional<std::span<float>> pixels) {
   State& s = *state_;
   const ResourceIndex resource = name.empty() ? s.graph.output : find_resource(s.graph, name);
+  s.wait_for_frames();
   if (!s.is_planned || !s.has_frame) {
     throw Error(HEDDLE_BAD_INPUT,
                 s.stats.frame == 0 ? "nothing was rendered yet" : "nothing was rendered since the graph changed",
@@ -558,7 +638,7 @@ Executor::ReadBack Executor::read_into(std::string_view name, std::uint32_t laye
   if (std::find(s.wanted.begin(), s.wanted.end(), resource) == s.wanted.end()) {
     throw Error(HEDDLE_BAD_INPUT,
                 fmt::format("port '{}' was not kept: its memory may hold something else by now", name),
-                "ask for it with heddle_graph_keep before the frame");
+                "keep it (heddle_graph_keep, Graph.keep in Python) before the frame");
   }
   const ResourceState& state = s.resources[s.resources[resource].root];
   if (!state.image) throw Error(HEDDLE_BAD_INPUT, fmt::format("port '{}' is not an image that a pass made", name));

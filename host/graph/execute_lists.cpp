@@ -26,19 +26,6 @@ std::uint32_t read_count(const std::byte* head) {
   return count;
 }
 
-void barrier_between(const heddle_vulkan& vk, VkCommandBuffer commands, VkPipelineStageFlags2 from,
-                     VkAccessFlags2 written, VkPipelineStageFlags2 to, VkAccessFlags2 access) {
-  VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
-  memory.srcStageMask = from;
-  memory.srcAccessMask = written;
-  memory.dstStageMask = to;
-  memory.dstAccessMask = access;
-  VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
-  dependency.memoryBarrierCount = 1;
-  dependency.pMemoryBarriers = &memory;
-  vk.CmdPipelineBarrier2(commands, &dependency);
-}
-
 }  // namespace
 
 /// What a stage does to a list, by all its versions.
@@ -114,21 +101,29 @@ void Executor::State::publish_counts() {
                   VK_ACCESS_2_HOST_READ_BIT | VK_ACCESS_2_TRANSFER_WRITE_BIT);
 }
 
+/// What was appended in a frame that is done, for the frames after it.
+void Executor::State::note_counts(const FrameMemory& memory) {
+  for (std::size_t i = 0; i < memory.count_slots.size(); ++i) {
+    const std::byte* heads = memory.count_buffers[i / kCountsInBuffer].data();
+    resources[memory.count_slots[i]].appended = read_count(heads + i % kCountsInBuffer * kListHead);
+  }
+}
+
 /// After the frame: what was appended, for the statistics and for the passes that make the lists.
-void Executor::State::tell_counts() {
+void Executor::State::tell_counts(const FrameMemory& memory) {
+  note_counts(memory);
   std::map<ResourceIndex, heddle_list_count> counts;
-  for (std::size_t i = 0; i < count_slots.size(); ++i) {
-    const vulkan::Buffer& buffer = count_buffers[i / kCountsInBuffer];
+  for (std::size_t i = 0; i < memory.count_slots.size(); ++i) {
+    const vulkan::Buffer& buffer = memory.count_buffers[i / kCountsInBuffer];
     const std::uint64_t at = i % kCountsInBuffer * kListHead;
     device->note_host_read(buffer, at, kListHead);
-    const Resource& list = graph.resources[count_slots[i]];
+    const Resource& list = graph.resources[memory.count_slots[i]];
     const std::uint32_t appended = read_count(buffer.data() + at);
-    resources[count_slots[i]].appended = appended;
-    heddle_list_count& count = counts[count_slots[i]];
+    heddle_list_count& count = counts[memory.count_slots[i]];
     count.struct_size = sizeof count;
     count.capacity = list.capacity;
     count.port = list.port.c_str();
-    count.frame = info.index;
+    count.frame = memory.submitted_frame;
     count.count = std::min(appended, list.capacity);
     count.overflow = std::max(count.overflow, appended - count.count);
   }
@@ -149,9 +144,10 @@ void Executor::State::tell_counts() {
     Diagnostic diagnostic;
     diagnostic.severity = Severity::kWarning;
     diagnostic.where = pass_of(pass).where;
-    diagnostic.message = fmt::format(
-        "frame {}, pass '{}' ({}): the list '{}' has room for {} elements, and {} more were left out", info.index,
-        pass_of(pass).name, pass_of(pass).entry.technique->id, list.name, count.capacity, count.overflow);
+    diagnostic.message =
+        fmt::format("frame {}, pass '{}' ({}): the list '{}' has room for {} elements, and {} more were left out",
+                    memory.submitted_frame, pass_of(pass).name, pass_of(pass).entry.technique->id, list.name,
+                    count.capacity, count.overflow);
     diagnostic.help = pass.wants_redeclare ? "it is made larger for the next frame: render more than one"
                                            : "its technique keeps it as it is";
     services.log(Severity::kWarning, to_text(diagnostic));

@@ -41,6 +41,7 @@ bool Executor::State::is_still(const scene::Scene& rendered, const FrameOptions&
   for (const scene::Light& light : rendered.lights) {
     add_bytes(now, light.position);
     add_bytes(now, light.record);
+    add_bytes(now, light.texture ? light.texture->revision : std::uint64_t{0});
   }
   add_bytes(now, options.time);
   add_bytes(now, options.time_step);
@@ -78,18 +79,22 @@ bool Executor::State::find_iterations() {
   return is_due;
 }
 
-/// Memory of a submission: command buffers, descriptor sets, staging. The device is done with the last one.
+/// Memory of a submission: command buffers, descriptor sets, staging. The device is done with what used it last.
 void Executor::State::begin_frame_memory() {
   const heddle_vulkan& vk = device->table();
   vulkan::check(vk.ResetCommandPool(vk.device, command_pool, 0), "vkResetCommandPool");
   command_buffer_count = 0;
   for (VkDescriptorPool pool : descriptor_pools) (void)vk.ResetDescriptorPool(vk.device, pool, 0);
   descriptor_pool = 0;
-  frame_buffers.clear();
+  frame_buffers = std::move(outgrown_buffers);
+  outgrown_buffers.clear();
   view_count = 0;
   draw_command_bytes = 0;
   group_command_count = 0;
-  program_set = VK_NULL_HANDLE;
+  placings.clear();
+  program_sets.clear();
+  for (ResourceState& state : resources)
+    if (state.made) state.made->is_placed = false;
 }
 
 void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled) {
@@ -104,6 +109,7 @@ void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> be
   }
   poison_around(index, true);
   run_stage(index, before);
+  keep_lasting(index);
   sort_appended(index);
   copy_counts(index);
   scan_outputs(index);

@@ -18,7 +18,6 @@ namespace {
 // All ones is a NaN in every float format but 1 in unorm; the other is 1e30, -13904 and 10824 as halves, and neither 0
 // nor 1 as unorm. One alone would hide where its value happens to be right.
 constexpr std::array<std::uint32_t, 2> kPoisons{0xFFFFFFFFU, 0x7149F2CAU};
-constexpr std::size_t kMostOrders = 16;
 
 /// Everything that was recorded is done before everything that follows.
 void barrier_between_all(const heddle_vulkan& vk, VkCommandBuffer commands) {
@@ -40,9 +39,10 @@ struct Picture {
 };
 
 struct Frame {
-  std::vector<Picture> kept;     // what the graph was asked for
-  std::vector<Picture> scanned;  // every output, right after its pass; in the order of that run
-  bool has_overflowed = false;   // a list had no room: which elements it holds is a matter of chance
+  std::map<std::string, Lasting, std::less<>> lasting;  // of a job
+  std::vector<Picture> kept;                            // what the graph was asked for
+  std::vector<Picture> scanned;                         // every output, right after its pass; in the order of that run
+  bool has_overflowed = false;  // a list had no room: which elements it holds is a matter of chance
 };
 
 std::vector<Frame> run_frames(Executor& executor, Executor::State& state, const scene::Scene& scene,
@@ -54,8 +54,12 @@ std::vector<Frame> run_frames(Executor& executor, Executor::State& state, const 
     frame_options.anew = options.anew || f % 2 == 0;
     // Of a frame that nobody compares nothing is left.
     frame_options.cut = options.cut || (f > 0 && result.back().has_overflowed);
-    executor.render(scene, frame_options);
+    if (state.original.is_job)
+      (void)executor.run_job(scene, options);
+    else
+      executor.render(scene, frame_options);
     Frame& frame = result.emplace_back();
+    if (state.original.is_job) frame.lasting = executor.job_result().parts;
     frame.has_overflowed =
         std::ranges::any_of(state.stats.lists, [](const ListStats& list) { return list.overflow > 0; });
     for (const Executor::State::Scan& scan : state.scans)
@@ -83,6 +87,35 @@ const Picture* find_same(const std::vector<Picture>& pictures, const Picture& wa
     return picture.resource == wanted.resource && picture.layer == wanted.layer && picture.mip == wanted.mip;
   });
   return found == pictures.end() ? nullptr : &*found;
+}
+
+/// Of all waves of a job: they have no stages in common.
+OrderSet all_orders(const std::vector<OrderSet>& waves) {
+  OrderSet all;
+  for (const OrderSet& wave : waves) {
+    if (wave.orders.size() > all.orders.size()) all.orders = wave.orders;
+    all.unordered_pairs += wave.unordered_pairs;
+    all.seen_both_ways += wave.seen_both_ways;
+  }
+  return all;
+}
+
+std::string why_different(std::size_t order, std::optional<std::uint32_t> poison, bool is_of_lists) {
+  return is_of_lists  ? "depends on the order of a list's elements, which have none"
+         : order != 0 ? "depends on the order of stages that nothing puts in order"
+         : poison     ? fmt::format("depends on memory that nobody wrote, filled with 0x{:08X}", *poison)
+                      : "differs between two runs of the same frames, the second without culling";
+}
+
+/// The first artifact or report that differs, or nothing.
+const Lasting* find_other(const Frame& expected, const Frame& found, std::string& name) {
+  for (const auto& [key, lasting] : expected.lasting) {
+    const auto other = found.lasting.find(key);
+    if (other != found.lasting.end() && *other->second.bytes == *lasting.bytes) continue;
+    name = key;
+    return &lasting;
+  }
+  return nullptr;
 }
 
 std::string order_text(const ResolvedGraph& graph, const Order& order) {
@@ -165,21 +198,26 @@ CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& optio
     }
   } restore{s};
 
+  if (s.original.is_job) frames = 1;  // it has no past
   s.open_device();
   // Only here bytes of an image are where the memory is that a buffer over it fills.
   const bool can_poison = s.device->info().is_lavapipe;
   // What the others are compared with starts from zeros where it can: left to what the memory happens to hold, two runs
   // of one graph would be told apart by chance.
   const auto zeros = can_poison ? std::optional<std::uint32_t>(0) : std::nullopt;
+  s.wave_orders.clear();
   const std::vector<Frame> expected = run(0, zeros);
-  const OrderSet orders = find_orders(s.graph, kMostOrders);
+  const OrderSet orders = s.original.is_job ? all_orders(s.wave_orders) : find_orders(s.graph, State::kMostOrders);
   CheckReport report;
   report.frames = frames;
   report.runs = 1;
   report.orders = orders.orders.size();
   report.unordered_pairs = orders.unordered_pairs;
   report.seen_both_ways = orders.seen_both_ways;
-  for (const ResourceIndex wanted : s.wanted) report.compared.push_back(s.graph.resources[wanted].name);
+  if (s.original.is_job)
+    report.compared = s.job_wants();
+  else
+    for (const ResourceIndex wanted : s.wanted) report.compared.push_back(s.graph.resources[wanted].name);
   if (can_poison) report.poisons.assign(kPoisons.begin(), kPoisons.end());
 
   for (const auto& counted : s.lists.counted)
@@ -202,6 +240,16 @@ CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& optio
     ++report.runs;
     for (std::uint32_t f = 0; f < frames; ++f) {
       if (expected[f].has_overflowed || found[f].has_overflowed) continue;
+      std::string name;
+      if (const Lasting* lasting = find_other(expected[f], found[f], name); lasting != nullptr) {
+        Diagnostic diagnostic;
+        diagnostic.where = s.original.passes[s.original.resources[find_resource(s.original, name)].producer].where;
+        diagnostic.message = fmt::format("'{}' {}", name, why_different(order, poison, is_of_lists));
+        diagnostic.found = fmt::format("other bytes than in the order of the graph");
+        diagnostic.help =
+            "pass '" + lasting->pass + "', or one before it, uses something that its declared accesses do not tell";
+        throw Error(HEDDLE_BUG, std::move(diagnostic));
+      }
       for (const Picture& picture : expected[f].kept) {
         const Picture* same = find_same(found[f].kept, picture);
         if (same == nullptr || same->bytes == picture.bytes) continue;
@@ -221,11 +269,7 @@ CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& optio
         Diagnostic diagnostic;
         diagnostic.where.file = s.graph.file;
         diagnostic.message =
-            fmt::format("'{}' {}", s.graph.resources[picture.resource].name,
-                        is_of_lists  ? "depends on the order of a list's elements, which have none"
-                        : order != 0 ? "depends on the order of stages that nothing puts in order"
-                        : poison     ? fmt::format("depends on memory that nobody wrote, filled with 0x{:08X}", *poison)
-                                     : "differs between two runs of the same frames, the second without culling");
+            fmt::format("'{}' {}", s.graph.resources[picture.resource].name, why_different(order, poison, is_of_lists));
         diagnostic.found = fmt::format("frame {}, pixel {}, {}: {}", f, texel % picture.width, texel / picture.width,
                                        texel_text(*same));
         diagnostic.expected = fmt::format("{}, as in the order of the graph", texel_text(picture));

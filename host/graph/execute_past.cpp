@@ -28,16 +28,22 @@ Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout t
   return barrier;
 }
 
-void show_copies_to_host(const heddle_vulkan& vk, VkCommandBuffer commands) {
+void barrier_between(const heddle_vulkan& vk, VkCommandBuffer commands, VkPipelineStageFlags2 from,
+                     VkAccessFlags2 written, VkPipelineStageFlags2 to, VkAccessFlags2 access) {
   VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
-  memory.srcStageMask = VK_PIPELINE_STAGE_2_COPY_BIT;
-  memory.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
-  memory.dstStageMask = VK_PIPELINE_STAGE_2_HOST_BIT;
-  memory.dstAccessMask = VK_ACCESS_2_HOST_READ_BIT;
+  memory.srcStageMask = from;
+  memory.srcAccessMask = written;
+  memory.dstStageMask = to;
+  memory.dstAccessMask = access;
   VkDependencyInfo dependency{VK_STRUCTURE_TYPE_DEPENDENCY_INFO};
   dependency.memoryBarrierCount = 1;
   dependency.pMemoryBarriers = &memory;
   vk.CmdPipelineBarrier2(commands, &dependency);
+}
+
+void show_copies_to_host(const heddle_vulkan& vk, VkCommandBuffer commands) {
+  barrier_between(vk, commands, VK_PIPELINE_STAGE_2_COPY_BIT, VK_ACCESS_2_TRANSFER_WRITE_BIT,
+                  VK_PIPELINE_STAGE_2_HOST_BIT, VK_ACCESS_2_HOST_READ_BIT);
 }
 
 /// Copies last frame's contents to where this frame's are made. Both keep their layouts.
@@ -153,7 +159,8 @@ void Executor::State::copy_to_host(ResourceIndex index, const vulkan::Buffer& bu
   device->count_read_back(host_bytes(index));
 }
 
-/// The copies that a stage with latency will read. The frame's end waits for them, nothing within the frame does.
+/// The copies that a stage with latency will read. The frame's end waits for them, nothing within the frame does; in
+/// live mode nothing does.
 void Executor::State::run_read_back(const ScheduledStage& scheduled) {
   const Pass& pass = graph.passes[scheduled.pass];
   const Stage& stage = pass.entry.technique->stages[scheduled.stage];
@@ -166,7 +173,9 @@ void Executor::State::run_read_back(const ScheduledStage& scheduled) {
     if (ring == rings.end()) {
       rings.push_back({scheduled.pass, scheduled.stage, access.port, {}});
       ring = std::prev(rings.end());
-      ring->copies.resize(std::size_t{stage.latency} + 1);
+      // Live: the newest copy that is surely there is of the frame before those in flight.
+      const std::size_t reach = std::max<std::size_t>(stage.latency, services.is_live ? kFramesInFlight : 0);
+      ring->copies.resize(reach + 1);
     }
     ReadBackRing::Copy& copy = ring->copies[info.index % ring->copies.size()];
     if (!copy.buffer)
@@ -177,21 +186,36 @@ void Executor::State::run_read_back(const ScheduledStage& scheduled) {
   show_copies_to_host(device->table(), commands);
 }
 
-/// What the stage maps in this frame: the copy of `latency` frames ago, or zeros.
+/// What the stage maps in this frame: the copy of `latency` frames ago, in live mode the newest before that if that one
+/// is not there yet; or zeros.
 heddle_frame::Mapping Executor::State::late_mapping(const ScheduledStage& scheduled, const std::string& port) {
   const Pass& pass = graph.passes[scheduled.pass];
   const std::uint64_t latency = pass.entry.technique->stages[scheduled.stage].latency;
   heddle_frame::Mapping mapping;
   mapping.port = port;
+  ++stats.waits.late_reads;
   for (const ReadBackRing& ring : rings) {
     if (ring.pass != scheduled.pass || ring.stage != scheduled.stage || ring.port != port) continue;
+    const ReadBackRing::Copy* newest = nullptr;
+    bool is_stale = false;
     for (const ReadBackRing::Copy& copy : ring.copies) {
-      if (copy.frame == HEDDLE_NO_FRAME || copy.frame + latency != info.index) continue;
-      device->note_host_read(copy.buffer);
-      mapping.frame = copy.frame;
-      mapping.late = copy.buffer.data();
-      return mapping;
+      if (copy.frame == HEDDLE_NO_FRAME || copy.frame + latency > info.index) continue;
+      const bool is_due = copy.frame + latency == info.index;
+      if (!is_done(copy.frame)) {
+        is_stale = is_stale || is_due;
+        continue;
+      }
+      if (!is_due && !services.is_live) continue;
+      if (newest == nullptr || copy.frame > newest->frame) newest = &copy;
     }
+    // A copy that was not due, where none is: of a frame in which the stage's inputs were not made.
+    if (newest != nullptr && newest->frame + latency != info.index && !is_stale) newest = nullptr;
+    stats.waits.stale_reads += is_stale ? 1 : 0;
+    if (newest == nullptr) break;
+    device->note_host_read(newest->buffer);
+    mapping.frame = newest->frame;
+    mapping.late = newest->buffer.data();
+    return mapping;
   }
   mapping.zeros.resize(host_bytes(pass.ports.find(port)->second));
   mapping.late = mapping.zeros.data();

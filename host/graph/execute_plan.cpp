@@ -40,8 +40,8 @@ std::array<std::uint32_t, 2> environment_extent(const scene::Scene& scene) {
 }
 
 constexpr VkBufferUsageFlags kPortBufferUsage = VK_BUFFER_USAGE_STORAGE_BUFFER_BIT |
-                                                VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_TRANSFER_SRC_BIT |
-                                                VK_BUFFER_USAGE_TRANSFER_DST_BIT;
+                                                VK_BUFFER_USAGE_INDIRECT_BUFFER_BIT | VK_BUFFER_USAGE_INDEX_BUFFER_BIT |
+                                                VK_BUFFER_USAGE_TRANSFER_SRC_BIT | VK_BUFFER_USAGE_TRANSFER_DST_BIT;
 
 }  // namespace
 
@@ -87,13 +87,8 @@ void Executor::State::open_device() {
   vulkan::check(vk.CreateDescriptorSetLayout(vk.device, &layout_info, nullptr, &program_layout),
                 "vkCreateDescriptorSetLayout");
 
-  VkCommandPoolCreateInfo pool_info{VK_STRUCTURE_TYPE_COMMAND_POOL_CREATE_INFO};
-  pool_info.queueFamilyIndex = opened.queue_family();
-  pool_info.flags = VK_COMMAND_POOL_CREATE_TRANSIENT_BIT;
-  vulkan::check(vk.CreateCommandPool(vk.device, &pool_info, nullptr, &command_pool), "vkCreateCommandPool");
-  const VkFenceCreateInfo fence_info{VK_STRUCTURE_TYPE_FENCE_CREATE_INFO};
-  vulkan::check(vk.CreateFence(vk.device, &fence_info, nullptr, &fence), "vkCreateFence");
   device = &opened;
+  static_cast<FrameMemory&>(*this) = make_frame_memory();
 }
 
 /// Takes everything down: the next plan starts from nothing.
@@ -107,15 +102,39 @@ bool Executor::State::is_planned_for(const scene::Scene& rendered) const {
   return rendered.features() == planned_features && environment_extent(rendered) == planned_environment;
 }
 
-void Executor::State::plan(const scene::Scene& planned_scene) {
-  planned_environment = environment_extent(planned_scene);
-  plan(planned_scene.features());
+const scene::Scene* Executor::State::asked_scene(PassState& pass) const {
+  if (!pass.is_declaring && !pass.is_preparing) return scene;
+  pass.declares_by_scene = pass.declares_by_scene || pass.is_declaring;
+  return planned_scene;
+}
+
+namespace {
+
+std::array<std::uint64_t, 2> content_of(const scene::Scene* scene) {
+  if (scene == nullptr) return {0, 0};
+  return {scene->content_revision, scene->components.revision()};
+}
+
+}  // namespace
+
+/// Passes whose declare looked at the scene are due if it is another one by now.
+void Executor::State::note_content(const scene::Scene& rendered) {
+  for (const auto& pass : passes) {
+    if (!pass || !pass->declares_by_scene || pass->declared_content == content_of(&rendered)) continue;
+    pass->wants_redeclare = true;
+  }
+}
+
+void Executor::State::plan(const scene::Scene& rendered) {
+  planned_environment = environment_extent(rendered);
+  plan(rendered.features());
+  if (graph.is_job) return;  // need not look at anything
   const auto reads_environment = [&](const Pass& pass) {
     return !pass.is_pruned && std::ranges::any_of(pass.ports, [&](const auto& bound) {
       return is_environment(graph.resources[bound.second]);
     });
   };
-  if (planned_scene.environment && std::ranges::none_of(graph.passes, reads_environment)) {
+  if (rendered.environment && std::ranges::none_of(graph.passes, reads_environment)) {
     services.log(Severity::kWarning,
                  fmt::format("{}: the scene has an environment, and no pass of this graph reads it; "
                              "graph 'environment' does, with technique sky/environment_map",
@@ -175,6 +194,18 @@ void Executor::State::redeclare() {
   plan(planned_features);
 }
 
+/// What the plan is for.
+void Executor::State::find_wanted() {
+  std::vector<std::string> names = wave;
+  if (graph.is_job && names.empty()) names = job_wants();
+  if (!graph.is_job) names = frame_wants();
+  wanted.clear();
+  for (const std::string& name : names) {
+    const ResourceIndex resource = find_resource(graph, name);
+    if (std::find(wanted.begin(), wanted.end(), resource) == wanted.end()) wanted.push_back(resource);
+  }
+}
+
 /// Everything that is decided before the first byte is allocated.
 void Executor::State::plan_memory(const std::vector<std::string>& features) {
   open_device();
@@ -187,20 +218,22 @@ void Executor::State::plan_memory(const std::vector<std::string>& features) {
     resource.width = planned_environment[0];
     resource.height = planned_environment[1];
   }
-  wanted.clear();
-  wanted.push_back(graph.output);
-  for (const std::string& name : kept_names) {
-    const ResourceIndex resource = find_resource(graph, name);
-    if (std::find(wanted.begin(), wanted.end(), resource) == wanted.end()) wanted.push_back(resource);
-  }
+  find_wanted();
+  resources.resize(graph.resources.size());
+  place_lasting();
   prune(graph, wanted, planned_features);
   weave_loops(graph);
-  order = variant.order == 0 ? graph::order(graph)
-                             : std::move(find_orders(graph, variant.order + 1).orders.at(variant.order));
-  resources.resize(graph.resources.size());
+  if (variant.order == 0) {
+    order = graph::order(graph);
+    if (graph.is_job && services.checks) wave_orders.push_back(find_orders(graph, kMostOrders));
+  } else {
+    std::vector<Order> orders = find_orders(graph, variant.order + 1).orders;
+    order = std::move(orders[std::min(variant.order, orders.size() - 1)]);  // of a job's waves, not all have as many
+  }
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     ResourceIndex first = i;
-    const bool shares_memory = graph.resources[i].type != PortType::kValue;
+    const bool shares_memory =
+        graph.resources[i].type == PortType::kImage || graph.resources[i].type == PortType::kBuffer;
     while (shares_memory && graph.resources[first].previous_version != kNoIndex) {
       first = graph.resources[first].previous_version;
     }
@@ -271,6 +304,8 @@ void Executor::State::declare_passes() {
     }
     if (pass->descriptor->declare != nullptr) {
       pass->is_declaring = true;
+      pass->declares_by_scene = false;
+      pass->declared_content = content_of(planned_scene);
       const heddle_status status = pass->descriptor->declare(pass->object, &pass->api);
       pass->is_declaring = false;
       throw_if_failed(*pass, status, "declare");
@@ -313,6 +348,15 @@ void Executor::State::find_needs() {
         throw Error(HEDDLE_BUG, fmt::format("resource '{}' has no format: neither its descriptor nor declare gave one",
                                             resource.name));
       }
+      if (resource.width == 0 || resource.height == 0) {
+        throw Error(HEDDLE_BAD_INPUT,
+                    Diagnostic{Severity::kError,
+                               graph.passes[maker_of(graph, resource)].where,
+                               fmt::format("'{}' is as large as the frame, and this job says no extent", resource.name),
+                               {},
+                               "extent = [width, height], in pixels, above the first [[pass]]",
+                               {}});
+      }
       need = device->image_requirements(image_shape(resource));
     } else {
       const std::uint64_t most = device->limits().maxStorageBufferRange;
@@ -346,7 +390,7 @@ void Executor::State::place_resources() {
   kept_bytes = 0;
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
     const Resource& resource = graph.resources[i];
-    if (resource.type == PortType::kValue) adopt_memory(i);
+    if (resource.type == PortType::kValue || resource.type == PortType::kSurfaces) adopt_memory(i);
     if (needs[i].size == 0) continue;
     ResourceState& state = resources[i];
     const std::uint64_t offset = placement.offset[i];
@@ -552,6 +596,8 @@ vulkan::Constants Executor::State::constants(const vulkan::CompiledShader& shade
 
 void Executor::State::write_parameters(PassState& state) {
   if (state.layout.size == 0) return;
+  // Frames in flight read what is there; what replaces it ends with the next frame, which is after them.
+  if (state.parameters && !in_flight.empty()) outgrown_buffers.push_back(std::move(state.parameters));
   if (!state.parameters) {
     state.parameters = device->make_buffer(
         state.layout.size, VK_BUFFER_USAGE_UNIFORM_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT, true);

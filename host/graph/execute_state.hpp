@@ -3,9 +3,14 @@
 #pragma once
 
 #include "graph/execute.hpp"
+#include "graph/execute_keys.hpp"
+
+#include "scene/made_surfaces.hpp"
 
 #include <algorithm>
 #include <chrono>
+#include <deque>
+#include <exception>
 #include <set>
 
 namespace heddle::graph {
@@ -21,6 +26,15 @@ struct Value {
   std::uint64_t revision = 0;  // of what a scene's components made; 0: of something else
 };
 
+/// What a pass made of surfaces, and what the host makes of that in a submission.
+struct SurfacesState {
+  scene::MadeSurfaces surfaces;
+  scene::PlacedBatches placed;  // valid while is_placed
+  bool is_placed = false;
+  vulkan::Buffer instances;  // HeddleInstance of those that the scene places
+  scene::Snapshot snapshot;  // of the version's triangles and all beneath
+};
+
 /// Run-time side of a Resource. Later versions of images and buffers point to their first version by `root`.
 struct ResourceState {
   ResourceIndex root = kNoIndex;
@@ -32,6 +46,7 @@ struct ResourceState {
   VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;  // now; tracked while recording
   std::uint32_t appended = 0;                        // list: how often shaders have, as counted last
   bool is_adopted = false;                           // holds what an earlier plan left
+  std::unique_ptr<SurfacesState> made;               // surfaces that a pass made; null: it has set no batches yet
 };
 
 struct ShaderState {
@@ -68,9 +83,11 @@ struct PassState {
   bool is_declaring = false;  // inside declare
   bool is_preparing = false;  // inside prepare
   bool is_prepared = false;
-  bool is_adopted = false;       // the object of an earlier plan
-  bool is_redeclared = false;    // and while it is planned: declared and prepared again
-  bool wants_redeclare = false;  // asked for it; due before the next frame
+  bool is_adopted = false;         // the object of an earlier plan
+  bool is_redeclared = false;      // and while it is planned: declared and prepared again
+  bool wants_redeclare = false;    // asked for it; due before the next frame
+  bool declares_by_scene = false;  // asked for the scene's meshes or components in declare, when they were
+  std::array<std::uint64_t, 2> declared_content{};  // these revisions
   const Stage* cached_stage =
       nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
   vulkan::GeneratedTexts texts;
@@ -99,7 +116,17 @@ struct heddle_frame {
     std::vector<std::byte> zeros;  // `late` when nothing has arrived
   };
   std::vector<Mapping> mappings;
+  // execute: what made surfaces hold, for a snapshot; none where the last one still holds.
+  struct Contents {
+    std::uint32_t made = 0;                        // resource
+    std::array<heddle::vulkan::Buffer, 4> copies;  // vertices, indices, instances, commands
+  };
+  std::vector<Contents> contents;
   std::chrono::steady_clock::time_point began, told;  // execute, and when the person at the screen was last told of it
+  std::uint32_t slice = 0;                            // how often the stage has answered HEDDLE_MORE
+  bool stops_at_slices = false;                       // and nowhere else
+  bool is_saving = false;                             // inside save_state
+  std::vector<std::byte> state;                       // what that kept
 };
 
 namespace heddle::graph {
@@ -123,6 +150,40 @@ struct Legacy {
   bool has_past = false;                              // frames were rendered
 };
 
+/// Instances of a source of draws, relative to a point of a drawing's own, as far as drawings have needed them.
+struct Placing {
+  glm::dvec3 origin{0.0};
+  VkBuffer source = VK_NULL_HANDLE;  // the same instances relative to the frame's origin
+  const vulkan::Buffer* instances = nullptr;
+  std::vector<std::uint8_t> is_there;  // by slot
+};
+
+/// What the commands of one frame use until its fence is there.
+struct FrameMemory {
+  VkCommandPool command_pool = VK_NULL_HANDLE;
+  std::vector<VkCommandBuffer> command_buffers;  // of the pool; one for each submission of a frame
+  std::size_t command_buffer_count = 0;          // in use this frame
+  std::vector<VkDescriptorPool> descriptor_pools;
+  std::size_t descriptor_pool = 0;  // in use
+  VkFence fence = VK_NULL_HANDLE;
+  std::vector<vulkan::Buffer> frame_buffers;  // staging that must live until the fence
+  vulkan::Buffer views;                       // HeddleView of each drawing, 512 bytes apart
+  std::uint32_t view_count = 0;
+  vulkan::Buffer draw_commands;  // of drawings that leave out instances
+  std::uint64_t draw_command_bytes = 0;
+  std::map<std::pair<VkBuffer, VkBuffer>, VkDescriptorSet>
+      program_sets;                             // of this submission: set 3 by vertices, instances
+  std::vector<Placing> placings;                // of this submission
+  std::deque<vulkan::Buffer> placed_instances;  // of all submissions: as many as one has had placings
+  vulkan::Buffer group_commands;                // VkDispatchIndirectCommand of each dispatch over a list
+  std::uint64_t group_command_count = 0;        // of this submission
+  std::vector<ResourceIndex> count_slots;       // this frame's: lists whose head was copied, in that order
+  std::vector<vulkan::Buffer> count_buffers;
+  std::uint64_t submitted_frame = HEDDLE_NO_FRAME;
+};
+/// Live mode: frames that may run at the same time, the one that is recorded included.
+constexpr std::size_t kFramesInFlight = 3;
+
 /// What the service heddle.components hands out of one component.
 struct ComponentRows {
   std::uint64_t revision = 0;
@@ -132,7 +193,7 @@ struct ComponentRows {
   std::vector<const char*> property_names;
 };
 
-struct Executor::State {
+struct Executor::State : FrameMemory {
   HostServices& services;
   ResolvedGraph original;  // as resolved; each plan starts from it
   ResolvedGraph graph;     // pruned, with declared shapes
@@ -146,6 +207,7 @@ struct Executor::State {
   std::vector<std::uint8_t> is_outdated;  // passes that must run in this plan's first frame; empty: none
   std::vector<std::string> planned_features;
   std::array<std::uint32_t, 2> planned_environment{};  // width, height
+  const scene::Scene* planned_scene = nullptr;         // while it is planned for; null: for any
   Order order;
   std::vector<MemoryNeed> needs;
   std::uint32_t memory_types = 0;  // that serve them all
@@ -167,19 +229,13 @@ struct Executor::State {
   VkDescriptorSetLayout materials_layout = VK_NULL_HANDLE;
   VkDescriptorSetLayout program_layout = VK_NULL_HANDLE;
   vulkan::SurfaceProgram program;
-  VkCommandPool command_pool = VK_NULL_HANDLE;
-  std::vector<VkCommandBuffer> command_buffers;  // of the pool; one for each submission of a frame
-  std::size_t command_buffer_count = 0;          // in use this frame
-  std::vector<VkDescriptorPool> descriptor_pools;
-  std::size_t descriptor_pool = 0;  // in use
-  VkFence fence = VK_NULL_HANDLE;
 
   // Scene side.
   const scene::Scene* scene = nullptr;
   std::unique_ptr<scene::SceneBuffers> scene_buffers;
-  scene::Snapshot snapshot;
+  scene::Snapshot snapshot, empty_snapshot;
   std::map<std::string, ComponentRows, std::less<>> component_rows;
-  std::uint64_t component_revision = 0;
+  std::vector<std::uint64_t> light_texture_revisions;  // in the value `light_textures`
   std::optional<heddle_camera> previous_camera;
   glm::dvec3 origin{0.0}, previous_origin{0.0};
   std::vector<std::byte> inputs;  // of the last frame, all that techniques can see: what is_still compares
@@ -190,15 +246,11 @@ struct Executor::State {
   bool is_continuing = false;     // a loop goes on where the last frame left it: no time passes
   bool is_first_iteration = true, is_last_iteration = true;  // of this frame, in a loop; both outside of loops
   FrameStats stats;
+  std::chrono::steady_clock::time_point first_submission;  // of this frame
   heddle_frame_info info{};
   VkCommandBuffer commands = VK_NULL_HANDLE;
-  std::vector<vulkan::Buffer> frame_buffers;  // staging that must live until the fence
-  vulkan::Buffer views;                       // HeddleView of each drawing, 512 bytes apart
-  std::uint32_t view_count = 0;
-  vulkan::Buffer draw_commands;  // of drawings that leave out instances
-  std::uint64_t draw_command_bytes = 0;
-  VkDescriptorSet program_set = VK_NULL_HANDLE;
   std::vector<Diagnostic> errors;  // reported by plugins in the running call
+  std::exception_ptr stop_reason;  // of whoever was told of progress, to be thrown when nothing is half done
 
   State(HostServices& s, ResolvedGraph g) : services(s), original(std::move(g)) {}
 
@@ -206,7 +258,9 @@ struct Executor::State {
   void plan(const scene::Scene& scene);
   void plan(const std::vector<std::string>& features, bool is_restoring = false);
   void redeclare();
+  void note_content(const scene::Scene& scene);
   void plan_memory(const std::vector<std::string>& features);
+  void find_wanted();
   void find_needs();
   void unplan();
   void destroy(PassState& pass);
@@ -238,9 +292,12 @@ struct Executor::State {
 
   void set_scene_values(const scene::Scene& scene);
   void set_environment(ResourceIndex resource, const scene::Scene& scene);
+  void set_light_textures(ResourceIndex resource, const scene::Scene& scene);
   /// What the plan depends on of a scene is as it was.
   [[nodiscard]] bool is_planned_for(const scene::Scene& scene) const;
   void set_component_values(const scene::Scene& scene);
+  /// The scene that a pass may ask of: in declare and prepare the one that is planned for, if any.
+  [[nodiscard]] const scene::Scene* asked_scene(PassState& pass) const;
   void set_value(ResourceIndex resource, std::span<const std::byte> bytes);
   void turn_histories();
   void carry_over(ResourceIndex newest, ResourceIndex history);
@@ -262,22 +319,94 @@ struct Executor::State {
   [[nodiscard]] bool find_iterations();
   [[nodiscard]] bool is_still(const scene::Scene& scene, const FrameOptions& options);
   void begin_frame_memory();
+  // Live mode: memory of frames that were submitted, the oldest first, and of frames that are done.
+  std::deque<FrameMemory> in_flight;
+  std::vector<FrameMemory> spare;
+  std::vector<vulkan::Buffer> outgrown_buffers;  // that these frames may still read; go with the next frame's
+  [[nodiscard]] FrameMemory make_frame_memory() const;
+  void destroy_frame_memory(FrameMemory& memory) const;
+  void take_frame_memory();
+  void end_frame(FrameMemory& memory);
+  void end_finished_frames(std::size_t most_left);
+  void wait_for_frames();
+  [[nodiscard]] bool is_done(const FrameMemory& memory) const;
+  [[nodiscard]] bool is_done(std::uint64_t frame) const;
+  void submit();
+  void wait_for(VkFence awaited);
+  void order_after_frames_in_flight();
+  void upload_in_frame(const vulkan::Buffer& target, std::uint64_t offset, std::span<const std::byte> bytes);
   void run_cpu_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   void execute_stage(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
-  void call_execute(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const heddle_frame_info& seen);
+  void warn(const Pass& pass, std::string_view message) const;
+
+  // Slices of a stage (execute_slices.cpp). `key`: of what it makes; empty: nobody keeps that.
+  void run_slices(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const heddle_frame_info& seen,
+                  const std::string& key);
+  void begin_slice(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
+  [[nodiscard]] bool is_stop_asked() const;
+  void save_unfinished(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const std::string& key);
+  void load_unfinished(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const std::string& key);
+  void put_back(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const ArtifactParts& parts);
+  void begin_anew(const PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
+  [[nodiscard]] std::vector<std::string> device_outputs(const PassState& pass, const ScheduledStage& stage) const;
+
+  // Jobs (execute_job.cpp): waves of passes whose artifacts are all there.
+  std::map<std::string, Lasting, std::less<>> lasting;  // what is there, by resource; also what other jobs have made
+  std::vector<std::string> pass_keys;                   // parallel to original.passes
+  std::vector<std::string> wave;                        // what the present plan is for
+  std::vector<std::unique_ptr<Executor>> jobs;          // parallel to original.jobs
+  std::string jobs_scene;                               // that these were run for, but for places; empty: they are due
+  std::set<std::string> looked_up;                      // keys, in the cache, in this run
+  bool is_named = false;                                // the job of another graph's input
+  JobResult job_result;
+  [[nodiscard]] std::vector<std::string> job_wants() const;
+  [[nodiscard]] std::vector<std::string> frame_wants() const;
+  [[nodiscard]] std::vector<ResourceIndex> needed_artifacts(const std::vector<std::string>& features) const;
+  [[nodiscard]] bool keeps_artifacts() const;
+  bool run_jobs(const scene::Scene& scene);
+  void adopt_jobs(const std::vector<GraphJob>& former);
+  void run_job(const scene::Scene& scene, const FrameOptions& options, const std::vector<std::string>& names);
+  bool find_lasting(PassIndex pass);
+  [[nodiscard]] bool has_lasting(PassIndex pass) const;
+  std::vector<PassIndex> find_due(const std::vector<std::string>& names);
+  [[nodiscard]] std::vector<PassIndex> find_ready(const std::vector<PassIndex>& due) const;
+  void place_lasting();
+  void keep_lasting(std::uint32_t stage);
+  [[nodiscard]] heddle_frame_info info_for(const Pass& pass) const;
+  [[nodiscard]] bool is_key_file(const Pass& pass, std::string_view path) const;
+  void run_frame(const scene::Scene& scene, const FrameOptions& options);
   std::string artifact_key(const PassState& pass, const ScheduledStage& stage, const heddle_frame& frame);
   bool take_artifact(const ArtifactParts& parts, PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   ArtifactViews made_parts(const PassState& pass, const ScheduledStage& stage, const heddle_frame& frame);
   void write_neutral(PassState& pass, const ScheduledStage& stage);
   void clear_image(ResourceState& state, const Resource& resource, const std::array<double, 4>& value);
   VkDescriptorSet allocate_set(VkDescriptorSetLayout layout);
+  VkDescriptorSet make_program_set(VkBuffer vertices, VkBuffer instances);
   VkDescriptorSet port_set(const PassState& pass, const ShaderState& shader, std::uint32_t set);
   void bind(const PassState& pass, const ShaderState& shader, const vulkan::Pipeline& pipeline, const void* push,
             std::uint32_t push_bytes);
   vulkan::Buffer switch_table(const Pass& caller, const std::string& role);
-  void draw_surfaces(const PassState& pass, const ShaderState& shader, const heddle_draw& drawing,
-                     const HeddleView& view);
-  void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer);
+  /// A drawing with what the caller left open filled in, and checked. `origin`: what its view is relative to, nullptr:
+  /// the frame's.
+  struct Drawing {
+    heddle_draw wanted{};
+    HeddleView view{};
+    const glm::dvec3* origin = nullptr;
+    bool clears = false;  // its part of the attachments; only with an origin, else they load as their accesses say
+  };
+  void draw_surfaces(const PassState& pass, const ShaderState& shader, const Drawing& drawing);
+  [[nodiscard]] scene::Look look_of(const PassState& pass, const Drawing& drawing);
+
+  // Made surfaces (execute_surfaces.cpp).
+  void set_batches(ResourceIndex surfaces, std::vector<scene::MadeBatch> batches, std::uint64_t revision);
+  const scene::PlacedBatches& place(SurfacesState& made);
+  /// The versions that passes made and that hold something, the newest first.
+  [[nodiscard]] std::vector<ResourceIndex> made_versions(ResourceIndex surfaces) const;
+  [[nodiscard]] VkBuffer buffer_of(ResourceIndex buffer) const;
+  bool copy_contents(ResourceIndex surfaces, heddle_frame& frame);
+  const scene::Snapshot& take_snapshot(ResourceIndex surfaces, const heddle_frame& frame);
+  void begin_rendering(const PassState& pass, heddle_frame& frame, std::uint32_t layer,
+                       const Drawing* drawing = nullptr);
   [[nodiscard]] VkExtent2D attachment_extent(const Pass& pass, const Stage& stage) const;
   std::uint32_t add_view(const HeddleView& view);
   struct DrawRange {  // of indirect commands
@@ -285,21 +414,25 @@ struct Executor::State {
     std::uint64_t offset = 0;
     std::uint32_t count = 0;
   };
-  DrawRange draw_range(const scene::DrawGroup& group, const scene::Frustum& frustum);
+  /// `own`: the list's commands as they lie on the device; null: nowhere.
+  Placing& placing_at(const glm::dvec3& origin, VkBuffer source, std::size_t slots);
+  void place(Placing& placing, const scene::DrawList& list, const scene::PlacedBatches* made,
+             std::span<const VkDrawIndexedIndirectCommand> drawn);
+  DrawRange draw_range(const scene::DrawGroup& group, const scene::VisibleDraws& visible, VkBuffer own);
   void throw_if_failed(const PassState& pass, heddle_status status, std::string_view what);
+
+  // Counters of techniques (execute_views.cpp).
+  void add_count(const PassState& pass, std::string_view name, std::uint64_t count);
 
   // Lists (execute_lists.cpp).
   vulkan::Pipeline groups_pipeline;
-  vulkan::Buffer group_commands;           // VkDispatchIndirectCommand of each dispatch over a list
-  std::uint64_t group_command_count = 0;   // of this submission
-  std::vector<ResourceIndex> count_slots;  // this frame's: whose head was copied, in that order
-  std::vector<vulkan::Buffer> count_buffers;
   std::set<std::string> overflowing;  // names of the lists that had no room in the last frame
   [[nodiscard]] AccessInfo list_access(const ScheduledStage& stage, ResourceIndex list) const;
   void begin_lists(std::uint32_t stage, std::uint32_t activity);
   void copy_counts(std::uint32_t stage);
   void publish_counts();
-  void tell_counts();
+  void note_counts(const FrameMemory& memory);
+  void tell_counts(const FrameMemory& memory);
   void make_groups_pipeline();
   void dispatch_over_list(const PassState& pass, const ShaderState& shader, ResourceIndex list, const void* push,
                           std::uint32_t push_bytes);
@@ -316,6 +449,8 @@ struct Executor::State {
     std::optional<ListOrder> list_order;
   };
   Variant variant;
+  static constexpr std::size_t kMostOrders = 16;
+  std::vector<OrderSet> wave_orders;                     // of a job's waves
   std::map<ResourceIndex, std::uint32_t> sorted_counts;  // elements of each list that were put in order
   void sort_appended(std::uint32_t stage);
   void place_poison(ResourceIndex resource, std::uint64_t bytes);
@@ -351,8 +486,9 @@ struct Executor::State {
   std::vector<Look> looks;
   void look_at_outputs(std::uint32_t stage);
 
-  /// Throws Error(HEDDLE_CANCELLED) if the application asked for it.
-  void stop_if_cancelled() const;
+  /// Throws Error(HEDDLE_CANCELLED) if the application asked for it, and what it threw itself while it was told of
+  /// progress.
+  void stop_if_cancelled();
 
   [[nodiscard]] bool is_any_version_kept(ResourceIndex first) const;
   [[nodiscard]] ResourceState& root(ResourceIndex resource) { return resources[resources[resource].root]; }
@@ -374,6 +510,9 @@ std::uint64_t bytes_of(const std::vector<VkBufferImageCopy>& regions, const Reso
 VkImageAspectFlags aspect_of(std::uint32_t format);
 /// Commands that are in no plan, at a frame's start or between frames, are ordered against everything.
 Barrier full_barrier(ResourceIndex resource, VkImageLayout from, VkImageLayout to);
+/// All memory: what was accessed so in the one is done before the other.
+void barrier_between(const heddle_vulkan& vk, VkCommandBuffer commands, VkPipelineStageFlags2 from,
+                     VkAccessFlags2 written, VkPipelineStageFlags2 to, VkAccessFlags2 access);
 /// What was copied to host memory is there for the host once the fence is.
 void show_copies_to_host(const heddle_vulkan& vk, VkCommandBuffer commands);
 /// What declare says of an image or buffer.

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 
 #include "graph/explain.hpp"
 #include "graph/stages.hpp"
@@ -25,7 +26,9 @@ std::string flag_words(Flag flags, const std::array<std::pair<Flag, std::string_
 }
 
 std::string stages_text(VkPipelineStageFlags2 stages) {
-  static constexpr std::array<std::pair<VkPipelineStageFlags2, std::string_view>, 7> kWords{{
+  static constexpr std::array<std::pair<VkPipelineStageFlags2, std::string_view>, 9> kWords{{
+      {VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT, "draw_indirect"},
+      {VK_PIPELINE_STAGE_2_INDEX_INPUT_BIT, "index_input"},
       {VK_PIPELINE_STAGE_2_VERTEX_SHADER_BIT, "vertex"},
       {VK_PIPELINE_STAGE_2_EARLY_FRAGMENT_TESTS_BIT, "early_depth"},
       {VK_PIPELINE_STAGE_2_FRAGMENT_SHADER_BIT, "fragment"},
@@ -38,7 +41,9 @@ std::string stages_text(VkPipelineStageFlags2 stages) {
 }
 
 std::string access_text(VkAccessFlags2 access) {
-  static constexpr std::array<std::pair<VkAccessFlags2, std::string_view>, 9> kWords{{
+  static constexpr std::array<std::pair<VkAccessFlags2, std::string_view>, 11> kWords{{
+      {VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT, "indirect_read"},
+      {VK_ACCESS_2_INDEX_READ_BIT, "index_read"},
       {VK_ACCESS_2_SHADER_SAMPLED_READ_BIT, "sampled_read"},
       {VK_ACCESS_2_SHADER_STORAGE_READ_BIT, "storage_read"},
       {VK_ACCESS_2_SHADER_STORAGE_WRITE_BIT, "storage_write"},
@@ -81,6 +86,10 @@ std::string shape_text(const Resource& resource) {
       return "value";
     case PortType::kSurfaces:
       return "surfaces";
+    case PortType::kArtifact:
+      return resource.content.empty() ? "artifact" : fmt::format("artifact of {} bytes", resource.byte_size);
+    case PortType::kReport:
+      return "report";
     case PortType::kBuffer:
       if (resource.is_list())
         return fmt::format("list of at most {} elements of {} bytes", resource.capacity, resource.element_bytes);
@@ -114,15 +123,16 @@ std::string stage_text(const ResolvedGraph& graph, const ScheduledStage& schedul
 }
 
 /// How a cpu stage gets what the GPU made, and what that costs.
-std::string waiting_text(const ResolvedGraph& graph, const ScheduledStage& scheduled) {
+std::string waiting_text(const ResolvedGraph& graph, const ScheduledStage& scheduled, bool is_live) {
   const std::uint32_t latency = graph.passes[scheduled.pass].entry.technique->stages[scheduled.stage].latency;
   if (scheduled.is_read_back)
     return fmt::format("   copies to the host, for {} later",
                        latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
   if (scheduled.splits_submission) return "   waits for the gpu: reads what it made this frame";
   if (latency > 0)
-    return fmt::format("   waits for nothing: reads what the gpu made {} ago",
-                       latency == 1 ? "1 frame" : fmt::format("{} frames", latency));
+    return fmt::format("   waits for nothing: reads what the gpu made {} ago{}",
+                       latency == 1 ? "1 frame" : fmt::format("{} frames", latency),
+                       is_live ? ", or earlier if that is not there yet" : "");
   return {};
 }
 
@@ -244,7 +254,7 @@ std::string format_text(std::uint32_t format) {
 }
 
 std::string_view type_text(PortType type) {
-  constexpr std::array<std::string_view, 4> kTypes{"image", "buffer", "value", "surfaces"};
+  constexpr std::array<std::string_view, 6> kTypes{"image", "buffer", "value", "surfaces", "artifact", "report"};
   return kTypes.at(static_cast<std::size_t>(type));
 }
 
@@ -292,10 +302,40 @@ Json to_json(const Parameter& parameter, const ParameterValue& value) {
   return {};
 }
 
+namespace {
+
+/// What kind of graph it is, and what it is for.
+std::string head_text(const ResolvedGraph& graph) {
+  const std::string output = graph.output == kNoIndex ? "" : graph.resources[graph.output].name;
+  if (!graph.is_job)
+    return fmt::format("{}: {} x {} pixels, output '{}'\n", graph.file, graph.width, graph.height, output);
+  std::string text = fmt::format("{}: a job", graph.file);
+  if (graph.width > 0) text += fmt::format(", {} x {} pixels", graph.width, graph.height);
+  if (!output.empty()) text += fmt::format(", output '{}'", output);
+  std::string made;
+  for (const Resource& resource : graph.resources)
+    if (lasts(resource.type) && !resource.port.empty() && resource.job == kNoIndex)
+      made += fmt::format("{}'{}'", made.empty() ? "" : ", ", resource.name);
+  if (!made.empty()) text += fmt::format("; keeps {}", made);
+  return text + "\n";
+}
+
+/// Artifacts that jobs of other files make.
+std::string jobs_text(const ResolvedGraph& graph) {
+  std::vector<std::vector<std::string>> rows;
+  for (const Resource& resource : graph.resources)
+    if (resource.job != kNoIndex)
+      rows.push_back({resource.name, fmt::format("made by '{}' of the job {}, unless the cache holds it",
+                                                 resource.job_resource, graph.jobs[resource.job].graph->file)});
+  return rows.empty() ? "" : "\nartifacts\n" + table_text(rows);
+}
+
+}  // namespace
+
 std::string explain_text(const ResolvedGraph& graph, const Order& order, const Placement& placement,
-                         const BarrierPlan& barriers) {
-  std::string text = fmt::format("{}: {} x {} pixels, output '{}'\n", graph.file, graph.width, graph.height,
-                                 graph.output == kNoIndex ? "" : graph.resources[graph.output].name);
+                         const BarrierPlan& barriers, bool is_live) {
+  std::string text = head_text(graph);
+  if (is_live) text += "live: frames are not waited for, and no bytes are promised\n";
 
   text += "\npasses\n";
   std::vector<std::vector<std::string>> rows;
@@ -318,6 +358,7 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
     }
   }
   if (!rows.empty()) text += "\nfunctions\n" + table_text(rows);
+  text += jobs_text(graph);
 
   text += "\norder, with the barriers before each stage\n";
   const ListPlan lists = plan_lists(graph, order);
@@ -325,7 +366,8 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
     const ScheduledStage& scheduled = order.stages[s];
     text += loop_text(graph, order, s);
     text += fmt::format("  {:>3}  {} {}{}\n", s + 1, scheduled.kind == StageKind::kGpu ? "gpu" : "cpu",
-                        stage_text(graph, scheduled), waiting_text(graph, scheduled) + cached_text(graph, scheduled));
+                        stage_text(graph, scheduled),
+                        waiting_text(graph, scheduled, is_live) + cached_text(graph, scheduled));
     rows.clear();
     for (const auto& use : scheduled.uses)
       rows.push_back({"      ",
@@ -372,10 +414,12 @@ std::string explain_text(const ResolvedGraph& graph, const Order& order, const P
 }
 
 std::string explain_json(const ResolvedGraph& graph, const Order& order, const Placement& placement,
-                         const BarrierPlan& barriers) {
+                         const BarrierPlan& barriers, bool is_live) {
   Json json;
   json["file"] = graph.file;
+  json["kind"] = graph.is_job ? "job" : "frame";
   json["extent"] = {graph.width, graph.height};
+  json["mode"] = is_live ? "live" : "repeatable";
   json["output"] = graph.output == kNoIndex ? Json() : Json(graph.resources[graph.output].name);
   json["notes"] = graph.notes;
 
@@ -473,6 +517,8 @@ std::string explain_json(const ResolvedGraph& graph, const Order& order, const P
       entry["capacity"] = resource.capacity;
       entry["element_bytes"] = resource.element_bytes;
     }
+    if (resource.job != kNoIndex)
+      entry["made_by"] = {{"job", graph.jobs[resource.job].graph->file}, {"resource", resource.job_resource}};
     if (resource.history_of != kNoIndex) entry["history_of"] = graph.resources[resource.history_of].name;
     if (resource.previous_version != kNoIndex)
       entry["previous_version"] = graph.resources[resource.previous_version].name;
@@ -504,6 +550,7 @@ std::string explain_dot(const ResolvedGraph& graph, const Order& order) {
     list += fmt::format("{}{}", list.empty() ? "" : ", ", s + 1);
   }
   bool uses_scene = false;
+  std::set<std::string> jobs;
   std::string edges;
   const auto add_edge = [&](const std::string& from, const std::string& to, const std::string& label, bool is_grey,
                             std::string_view style = {}) {
@@ -523,9 +570,13 @@ std::string explain_dot(const ResolvedGraph& graph, const Order& order) {
       const Resource& resource = graph.resources[is_history ? graph.resources[index].history_of : index];
       if (resource.producer == p && !is_history) return;
       const bool is_scene = resource.producer == kNoIndex;
-      uses_scene = uses_scene || is_scene;
-      add_edge(is_scene ? "scene" : graph.passes[resource.producer].name, pass.name,
-               resource.port + (is_history ? "@previous" : ""), pass.is_pruned, is_history ? kHistory : "");
+      uses_scene = uses_scene || (is_scene && resource.job == kNoIndex);
+      const bool is_of_job = resource.job != kNoIndex;
+      if (is_of_job) jobs.insert(graph.jobs[resource.job].file);
+      add_edge(is_of_job  ? graph.jobs[resource.job].file
+               : is_scene ? "scene"
+                          : graph.passes[resource.producer].name,
+               pass.name, resource.port + (is_history ? "@previous" : ""), pass.is_pruned, is_history ? kHistory : "");
     };
     for (const auto& [port, resource] : pass.ports) add_input(resource);
     for (const auto& [port, resource] : pass.inout_sources) add_input(resource);
@@ -533,6 +584,8 @@ std::string explain_dot(const ResolvedGraph& graph, const Order& order) {
       for (const PassIndex provider : binding.providers)
         add_edge(graph.passes[provider].name, pass.name, binding.role + "()", pass.is_pruned, kFunction);
   }
+  for (const std::string& job : jobs)
+    text += fmt::format("  {} [shape=folder, fillcolor=lightyellow];\n", dot_quoted(job));
   if (uses_scene) text += "  \"scene\" [shape=ellipse, fillcolor=lightyellow];\n";
   if (graph.output != kNoIndex && graph.resources[graph.output].producer != kNoIndex) {
     text += "  \"output\" [shape=ellipse, fillcolor=lightblue];\n";

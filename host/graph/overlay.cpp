@@ -58,13 +58,17 @@ class GraphPlace {
                                                named_.string(),
                                                {},
                                                did_you_mean(named_.filename().string(), names)});
-    for (const std::string& name : graph_files(shipped_.parent_path())) names.push_back(fs::path(name).stem().string());
+    std::vector<std::string> shipped;
+    for (const std::string& name : graph_files(shipped_.parent_path()))
+      shipped.push_back(fs::path(name).stem().string());
+    names.insert(names.end(), shipped.begin(), shipped.end());
     throw Error(HEDDLE_BAD_INPUT,
                 Diagnostic{Severity::kError,
                            where,
                            fmt::format("there is neither a file nor a shipped graph '{}'", named_.filename().string()),
                            {},
-                           fmt::format("one of the files {} and {}", named_.string(), shipped_.string()),
+                           fmt::format("one of the files {} and {}; shipped are {}", named_.string(), shipped_.string(),
+                                       join_names(shipped)),
                            did_you_mean(named_.filename().string(), names)});
   }
 
@@ -182,7 +186,81 @@ void place_pass(std::vector<WrittenPass>& passes, WrittenPass pass, Problems& pr
   passes.insert(place, std::move(pass));
 }
 
+/// A graph on the way to a job: its file, and the input in it that leads on.
+struct Step {
+  fs::path canonical;
+  Location names;
+  std::string job;
+};
+
+void read_jobs_of(WrittenGraph& graph, const fs::path& shipped, std::vector<Step>& chain);
+
+WrittenGraph read_job(const GraphPlace& place, const fs::path& shipped, const Location& where,
+                      std::vector<Step>& chain) {
+  std::error_code error;
+  const fs::path canonical = fs::weakly_canonical(place.file(), error);
+  const auto again = std::ranges::find(chain, canonical, &Step::canonical);
+  if (again != chain.end()) {
+    std::string circle;
+    for (auto step = again; step != chain.end(); ++step)
+      circle +=
+          fmt::format("{}{}:{} names '{}'", circle.empty() ? "" : ", ", step->names.file, step->names.line, step->job);
+    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
+                                             where,
+                                             "jobs need each other's artifacts in a circle",
+                                             circle,
+                                             "a job at the end that needs no other",
+                                             {}});
+  }
+  std::vector<Visited> visited;
+  WrittenGraph job = read_one(place, shipped, where, visited);
+  job.folder = fs::path(job.file).parent_path();
+  if (!is_job(job)) {
+    throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
+                                             where,
+                                             fmt::format("'{}' is no job, so it makes no artifact", job.file),
+                                             job.kind ? "kind = " + to_toml(*job.kind) : "a graph without 'kind'",
+                                             "kind = \"job\" in that file",
+                                             {}});
+  }
+  chain.push_back({canonical, {}, {}});
+  read_jobs_of(job, shipped, chain);
+  chain.pop_back();
+  return job;
+}
+
+void read_jobs_of(WrittenGraph& graph, const fs::path& shipped, std::vector<Step>& chain) {
+  for (const WrittenPass& pass : graph.passes) {
+    for (const auto& [port, value] : pass.inputs) {
+      const std::string& text = text_of(value);
+      const auto hash = text.find('#');
+      if (hash == std::string::npos || hash == 0) continue;
+      const std::string name = text.substr(0, hash);
+      if (graph.jobs.contains(name)) continue;
+      chain.back().names = value.where;
+      chain.back().job = name;
+      WrittenGraph job =
+          read_job(GraphPlace(graph.folder / name, is_bare_name(name), shipped), shipped, value.where, chain);
+      const auto add = [&](const std::string& file) {
+        if (std::ranges::find(graph.files, file) == graph.files.end()) graph.files.push_back(file);
+      };
+      for (const std::string& file : job.files) add(file);
+      graph.jobs.emplace(name, std::make_shared<const WrittenGraph>(std::move(job)));
+    }
+  }
+}
+
 }  // namespace
+
+bool is_job(const WrittenGraph& graph) {
+  return graph.kind && text_of(*graph.kind) == "job";
+}
+
+void read_jobs(WrittenGraph& graph, const fs::path& shipped) {
+  std::error_code error;
+  std::vector<Step> chain{{fs::weakly_canonical(graph.file, error), {}, {}}};
+  read_jobs_of(graph, shipped, chain);
+}
 
 WrittenGraph read_graph(const std::filesystem::path& file, const std::filesystem::path& shipped) {
   std::vector<Visited> visited;
@@ -201,6 +279,7 @@ WrittenGraph overlay(WrittenGraph base, WrittenGraph over) {
   base.file = over.file;
   base.files.insert(base.files.end(), over.files.begin(), over.files.end());
   base.extends.reset();
+  if (over.kind) base.kind = std::move(over.kind);
   if (over.extent) base.extent = std::move(over.extent);
   if (over.output) base.output = std::move(over.output);
   replace_keys(base.params, std::move(over.params));

@@ -7,21 +7,24 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 
 #include "graph/uses.hpp"
 
 namespace heddle::graph {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, PortType>, 4> kScenePorts{{{"camera", PortType::kValue},
+constexpr std::array<std::pair<std::string_view, PortType>, 5> kScenePorts{{{"camera", PortType::kValue},
                                                                             {"environment", PortType::kValue},
+                                                                            {"light_textures", PortType::kValue},
                                                                             {"lights", PortType::kValue},
                                                                             {"surfaces", PortType::kSurfaces}}};
 
 constexpr std::string_view kPreviousSuffix = "@previous";
 
 std::string_view type_word(PortType type) {
-  constexpr std::array<std::string_view, 4> kWords{"an image", "a buffer", "a value", "surfaces"};
+  constexpr std::array<std::string_view, 6> kWords{"an image", "a buffer",    "a value",
+                                                   "surfaces", "an artifact", "a report"};
   return kWords.at(static_cast<std::size_t>(type));
 }
 
@@ -48,6 +51,7 @@ class Resolver {
   Resolver(const WrittenGraph& written, const Registry& registry) : written_(written), registry_(registry) {}
 
   ResolvedGraph run() {
+    graph_.is_job = is_job(written_);
     graph_.file = written_.file;
     graph_.folder = written_.folder;
     read_extent();
@@ -58,6 +62,7 @@ class Resolver {
       if (entries_[e].fate == Entry::Fate::kPresent) bind_inputs(e);
     check_branches();
     check_histories();
+    check_kind();
     read_joins();
     for (std::size_t e = 0; e < entries_.size(); ++e) {
       if (entries_[e].fate != Entry::Fate::kPresent) continue;
@@ -81,8 +86,8 @@ class Resolver {
 
  private:
   void read_extent() {
-    graph_.width = kDefaultWidth;
-    graph_.height = kDefaultHeight;
+    graph_.width = graph_.is_job ? 0 : kDefaultWidth;
+    graph_.height = graph_.is_job ? 0 : kDefaultHeight;
     if (!written_.extent) return;
     const auto* array = std::get_if<std::vector<Written>>(&written_.extent->value);
     const auto is_good = [](const Written& value) {
@@ -163,7 +168,8 @@ class Resolver {
   /// Resources of the scene, then of every output, so that a reference may point below. Components that no pass reads
   /// are none.
   void make_outputs() {
-    for (const auto& [name, type] : kScenePorts) scene_ports_.emplace_back(name, type);
+    for (const auto& [name, type] : kScenePorts)
+      if (!graph_.is_job || name != "camera") scene_ports_.emplace_back(name, type);
     for (const Pass& pass : graph_.passes) {
       for (const Port& port : pass.entry.technique->ports) {
         const auto is_known = [&](const auto& known) { return known.first == port.name; };
@@ -281,15 +287,122 @@ class Resolver {
     return history_source(label, value.where, to_toml(value), source);
   }
 
+  /// "links.toml#links": an artifact of a job, by its port or by pass and port.
+  Source job_source(std::string_view label, const Written& value, const std::string& text) {
+    const auto hash = text.find('#');
+    const std::string file = text.substr(0, hash);
+    const std::string name = text.substr(hash + 1);
+    const auto job = find_job(label, value, file);
+    if (!job) return {};
+    const ResolvedGraph& graph = *graph_.jobs[*job].graph;
+    std::vector<std::string> names;
+    std::vector<const Resource*> meant;
+    for (const Resource& resource : graph.resources) {
+      if (resource.type != PortType::kArtifact || resource.producer == kNoIndex) continue;
+      names.push_back(resource.name);
+      if (resource.name == name || resource.port == name) meant.push_back(&resource);
+    }
+    if (meant.size() != 1) {
+      problems_.add(value.where,
+                    meant.empty() ? fmt::format("{}: the job '{}' makes no artifact '{}'", label, graph.file, name)
+                                  : fmt::format("{}: {} passes of the job '{}' make an artifact '{}'", label,
+                                                meant.size(), graph.file, name),
+                    to_toml(value), names.empty() ? "a job that makes artifacts" : "one of " + join_names(names),
+                    meant.empty() ? did_you_mean(name, names) : std::string{});
+      return {};
+    }
+    for (ResourceIndex r = 0; r < graph_.resources.size(); ++r)
+      if (graph_.resources[r].job == *job && graph_.resources[r].job_resource == meant.front()->name)
+        return resource_source(r);
+    Resource resource;
+    resource.name = file + "#" + meant.front()->name;
+    resource.type = PortType::kArtifact;
+    resource.port = meant.front()->port;
+    resource.job = *job;
+    resource.job_resource = meant.front()->name;
+    graph_.resources.push_back(std::move(resource));
+    return resource_source(static_cast<ResourceIndex>(graph_.resources.size() - 1));
+  }
+
+  /// Resolved when it is first named; what is wrong in it is told once.
+  std::optional<std::uint32_t> find_job(std::string_view label, const Written& value, const std::string& file) {
+    const auto known = std::ranges::find(graph_.jobs, file, &GraphJob::file);
+    if (known != graph_.jobs.end()) return static_cast<std::uint32_t>(known - graph_.jobs.begin());
+    const auto written = written_.jobs.find(file);
+    if (written == written_.jobs.end()) {
+      if (file.empty())
+        problems_.add(value.where, fmt::format("{} names no job", label), to_toml(value), "\"job.toml#artifact\"");
+      return std::nullopt;
+    }
+    if (!broken_jobs_.insert(file).second) return std::nullopt;
+    try {
+      graph_.jobs.push_back({file, std::make_shared<const ResolvedGraph>(resolve(*written->second, registry_))});
+    } catch (const Error& error) {
+      problems_.add(error.diagnostics());
+      return std::nullopt;
+    }
+    broken_jobs_.erase(file);
+    const ResolvedGraph& job = *graph_.jobs.back().graph;
+    for (const std::string& note : job.notes) graph_.notes.push_back(fmt::format("job '{}': {}", file, note));
+    graph_.warnings.insert(graph_.warnings.end(), job.warnings.begin(), job.warnings.end());
+    return static_cast<std::uint32_t>(graph_.jobs.size() - 1);
+  }
+
+  /// What jobs alone may make, and what they may not ask for.
+  void check_kind() {
+    bool leaves_something = written_.output.has_value();
+    for (const Pass& pass : graph_.passes) {
+      const Technique& technique = *pass.entry.technique;
+      const bool is_lasting = makes_what_lasts(technique);
+      leaves_something = leaves_something || is_lasting;
+      if (!graph_.is_job) {
+        if (is_lasting)
+          problems_.add(
+              pass.where,
+              fmt::format("pass '{}': what '{}' makes is made once, in a job, and this graph is one of frames",
+                          pass.name, technique.id),
+              {}, "a file of its own with kind = \"job\"",
+              "an input names the file and what it makes: inputs.PORT = \"job.toml#artifact\"");
+        continue;
+      }
+      for (const Stage& stage : technique.stages)
+        if (stage.latency > 0)
+          problems_.add(pass.where,
+                        fmt::format("pass '{}': stage '{}' of '{}' reads what was made {} frames ago, and a job "
+                                    "has no frames",
+                                    pass.name, stage.name, technique.id, stage.latency));
+      if (!is_lasting) continue;
+      for (const Pass& reader : graph_.passes) {
+        for (const auto* ports : {&reader.ports, &reader.inout_sources}) {
+          for (const auto& [port, bound] : *ports) {
+            const Resource& resource = graph_.resources[bound];
+            if (&reader == &pass || resource.producer == kNoIndex || &graph_.passes[resource.producer] != &pass ||
+                lasts(resource.type))
+              continue;
+            problems_.add(reader.where,
+                          fmt::format("pass '{}': its input '{}' is '{}', which is no artifact of '{}'", reader.name,
+                                      port, resource.name, pass.name),
+                          {}, "an artifact: the pass does not run where those are there already",
+                          "let a pass before it make what both need");
+          }
+        }
+      }
+    }
+    if (graph_.is_job && !leaves_something)
+      problems_.add({written_.file, 0, 0}, "the job leaves nothing", {}, "a pass that makes an artifact or a report",
+                    "or output = \"pass.port\", an image");
+  }
+
   Source newest_source(std::string_view label, const Written& value, const std::string& text) {
     const auto found = fmt::format("{}", to_toml(value));
     if (text == "none") return {Source::Kind::kAbsent, kNoIndex};
+    if (text.find('#') != std::string::npos) return job_source(label, value, text);
     const auto dot = text.find('.');
     if (dot == std::string::npos || dot == 0 || dot + 1 == text.size() ||
         text.find('.', dot + 1) != std::string::npos) {
-      problems_.add(
-          value.where, fmt::format("{} does not name a port", label), found,
-          "\"pass.port\", \"scene.camera\", \"scene.environment\", \"scene.lights\", \"scene.surfaces\" or \"none\"");
+      problems_.add(value.where, fmt::format("{} does not name a port", label), found,
+                    "\"pass.port\", \"scene.camera\", \"scene.environment\", \"scene.light_textures\", "
+                    "\"scene.lights\", \"scene.surfaces\", \"job.toml#artifact\" or \"none\"");
       return {};
     }
     const std::string pass = text.substr(0, dot);
@@ -300,8 +413,10 @@ class Resolver {
         if (scene_ports_[r].first == port) return resource_source(r);
         names.push_back(scene_ports_[r].first);
       }
-      problems_.add(value.where, fmt::format("{}: the scene has no '{}'", label, port), found,
-                    "one of " + join_names(names), did_you_mean(port, names));
+      problems_.add(value.where,
+                    graph_.is_job && port == "camera" ? fmt::format("{}: a job has no camera", label)
+                                                      : fmt::format("{}: the scene has no '{}'", label, port),
+                    found, "one of " + join_names(names), did_you_mean(port, names));
       return {};
     }
     const Entry* entry = find_entry(pass);
@@ -440,6 +555,20 @@ class Resolver {
     const Entry& entry = entries_[e];
     std::string help;
     std::string expected = fmt::format("an output '{}' of a pass above", port.name);
+    if (graph_.is_job && port.name == "camera" && given == nullptr) {
+      problems_.add(entry.written->where,
+                    fmt::format("pass '{}': '{}' needs the frame's camera, and a job has none", entry.name(),
+                                entry.technique.technique->id),
+                    {}, "a technique that needs no camera, or inputs.camera = \"pass.camera\"",
+                    "a job bakes, encodes or inspects; what renders from a camera belongs into a graph of frames");
+      return;
+    }
+    if (port.type == PortType::kArtifact && given == nullptr) {
+      problems_.add(entry.written->where,
+                    fmt::format("pass '{}': nothing makes its input '{}', an artifact", entry.name(), port.name), {},
+                    fmt::format("inputs.{} = \"job.toml#{}\"", port.name, port.name));
+      return;
+    }
     const auto makes = [&](const Role& role) {
       const RolePort* contract = role.find_port(port.name);
       return contract != nullptr && contract->direction == Direction::kOut && contract->type == port.type;
@@ -624,6 +753,7 @@ class Resolver {
   }
 
   void read_output() {
+    if (!written_.output && graph_.is_job) return;
     if (!written_.output) {
       std::vector<std::string> images;
       for (const Resource& resource : graph_.resources)
@@ -645,11 +775,12 @@ class Resolver {
                     "an image of a pass that is not left out");
       return;
     }
-    if (graph_.resources[source.resource].type != PortType::kImage) {
-      problems_.add(written_.output->where,
-                    fmt::format("the graph's output '{}' is {}", graph_.resources[source.resource].name,
-                                type_word(graph_.resources[source.resource].type)),
-                    found, "an image");
+    const PortType type = graph_.resources[source.resource].type;
+    if (type != PortType::kImage && !(graph_.is_job && lasts(type))) {
+      problems_.add(
+          written_.output->where,
+          fmt::format("the graph's output '{}' is {}", graph_.resources[source.resource].name, type_word(type)), found,
+          graph_.is_job ? "an artifact, a report or an image" : "an image");
       return;
     }
     graph_.output = source.resource;
@@ -673,6 +804,7 @@ class Resolver {
     if (resource.type == PortType::kBuffer) return;
     const auto scaled = [&](std::uint32_t size) {
       // Rounded up; the small step back keeps exact products of float32 scales exact.
+      if (size == 0) return std::int64_t{0};  // a job that says none: declare may
       const double scale = port.extent_scale > 0 ? static_cast<double>(port.extent_scale) : 1.0;
       return static_cast<std::int64_t>(std::max(1.0, std::ceil(size * scale - 1e-6)));
     };
@@ -702,6 +834,7 @@ class Resolver {
   ResolvedGraph graph_;
   std::vector<Entry> entries_;
   Presets presets_;
+  std::set<std::string> broken_jobs_;
   std::map<std::string, Join, std::less<>> joins_;
   struct AskedHistory {
     ResourceIndex history = kNoIndex;

@@ -18,8 +18,7 @@ namespace heddle::graph {
 namespace {
 
 constexpr std::string_view kPortReference =
-    "\"pass.port\", \"scene.camera\", \"scene.lights\", \"scene.surfaces\" or "
-    "\"none\"";
+    "\"pass.port\", \"scene.camera\", \"scene.lights\", \"scene.surfaces\", \"job.toml#artifact\" or \"none\"";
 
 Json reference(const std::string& name) {
   return {{"$ref", "#/definitions/" + name}};
@@ -89,13 +88,13 @@ class Maker {
     definitions_["preset"] = {{"type", "string"},
                               {"pattern", R"(^\$.)"},
                               {"description", "$NAME of a preset in [params], at the top of the graph"}};
-    definitions_["port"] = {{"type", "string"}, {"pattern", R"(^(none|[^.]+\.[^.]+)$)"}};
+    definitions_["port"] = {{"type", "string"}, {"pattern", R"(^(none|[^.#]+\.[^.#]+|[^#]+#.+)$)"}};
     definitions_["value"] = {{"type", {"boolean", "number", "string", "array"}}};
     for (const Technique* technique : registry_.techniques()) define(*technique);
     definitions_["pass"] = pass_schema();
     Json json{{"$schema", "http://json-schema.org/draft-07/schema#"},
               {"title", "Heddle graph"},
-              {"description", "the passes of a frame: techniques in their roles, bound to each other"},
+              {"description", "the passes of a frame or a job: techniques in their roles, bound to each other"},
               {"type", "object"}};
     // As in `pass`: what editors read first, conditions after it.
     json["allOf"] = Json::array();
@@ -104,7 +103,9 @@ class Maker {
         {{"if", {{"required", {"extends"}}}},
          {"then", Json::object()},
          {"else",
-          {{"required", {"output", "pass"}},
+          {{"required", {"pass"}},
+           {"if", {{"properties", {{"kind", {{"const", "job"}}}}}, {"required", {"kind"}}}},
+           {"else", {{"required", {"output"}}}},
            {"properties",
             {{"remove", false},
              {"pass",
@@ -259,12 +260,18 @@ class Maker {
                              {"description",
                               "the graph that this one changes: a file, from this file's folder, or the "
                               "name of a graph that comes with Heddle"}};
+    properties["kind"] = {{"type", "string"},
+                          {"description",
+                           "frame: renders frames (the default); job: bakes, encodes or inspects, once, and keeps "
+                           "artifacts and reports"},
+                          {"enum", {"frame", "job"}}};
     properties["extent"] = {{"type", "array"}, {"description", "[width, height] of the frame in pixels"},
                             {"items", size},   {"minItems", 2},
                             {"maxItems", 2},   {"default", {kDefaultWidth, kDefaultHeight}}};
-    properties["output"] = {{"type", "string"},
-                            {"description", "what images on disk show: \"pass.port\", an image"},
-                            {"pattern", R"(^[^.]+\.[^.]+$)"}};
+    properties["output"] = {
+        {"type", "string"},
+        {"description", "what images on disk show: \"pass.port\", an image; in a job also an artifact or a report"},
+        {"pattern", R"(^[^.]+\.[^.]+$)"}};
     properties["params"] = {{"type", "object"},
                             {"description", "presets: NAME = value, meant by \"$NAME\" in parameters of passes"},
                             {"additionalProperties", reference("value")}};

@@ -33,7 +33,8 @@ Json json_of(const Pass& pass, const ResolvedGraph& graph) {
 }  // namespace
 
 Json settings(const WrittenGraph& written, const ResolvedGraph& resolved) {
-  Json json{{"extent", {resolved.width, resolved.height}},
+  Json json{{"kind", resolved.is_job ? "job" : "frame"},
+            {"extent", {resolved.width, resolved.height}},
             {"output", resolved.output == kNoIndex ? "" : resolved.resources[resolved.output].name},
             {"params", Json::object()},
             {"joins", Json::object()}};

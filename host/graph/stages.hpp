@@ -9,6 +9,7 @@
 #include "plugin/registry.hpp"
 
 #include <map>
+#include <memory>
 #include <optional>
 #include <variant>
 
@@ -49,6 +50,7 @@ struct RemovedPass {
 };
 
 struct WrittenGraph {
+  std::optional<Written> kind;  // "frame", which is the default, or "job"
   std::string file;
   std::vector<std::string> files;  // that were read for it: this one and what it extends
   std::filesystem::path folder;    // where paths in parameters start from
@@ -60,6 +62,8 @@ struct WrittenGraph {
   std::vector<Written> remove;
   std::vector<WrittenPass> passes;   // file order
   std::vector<RemovedPass> removed;  // by overlays; for explanations alone
+  // Graphs that inputs name, "links.toml#links", by what stands before the '#'. Sharers: copies of this structure.
+  std::map<std::string, std::shared_ptr<const WrittenGraph>, std::less<>> jobs;
 };
 
 /// TOML text -> what was written. Opens no file. Throws Error with every syntax error and unknown key.
@@ -70,6 +74,11 @@ WrittenGraph read_graph(const std::filesystem::path& file, const std::filesystem
 /// The same for a text that was parsed already; `folder` is where its `extends` looks. Opens files.
 WrittenGraph read_extended(WrittenGraph written, const std::filesystem::path& folder,
                            const std::filesystem::path& shipped = {});
+/// Reads the jobs that inputs name and that were not read yet, the jobs that those name, and so on. Opens files; throws
+/// Error for what is no job, and for jobs that name each other in a circle.
+void read_jobs(WrittenGraph& graph, const std::filesystem::path& shipped = {});
+/// True where a graph says kind = "job".
+bool is_job(const WrittenGraph& graph);
 /// Merges `over` on `base`. Pure.
 WrittenGraph overlay(WrittenGraph base, WrittenGraph over);
 /// Applies "ao.technique=gtao", "ao.params.radius=1", "ao.inputs.depth=x.y", "extent=[640,360]", "output=a.b",
@@ -103,6 +112,10 @@ struct Resource {
   std::uint32_t flags = 0;  // HEDDLE_PORT_*
   std::uint64_t byte_size = 0;
   std::uint32_t capacity = 0, element_bytes = 0;  // lists
+  // Artifacts that a job of another file makes: which of ResolvedGraph::jobs, and its resource there.
+  std::uint32_t job = kNoIndex;
+  std::string job_resource;
+  std::string content;  // artifacts that are there: a hash
   [[nodiscard]] bool is_list() const { return (flags & HEDDLE_PORT_LIST) != 0; }
 };
 
@@ -154,12 +167,21 @@ struct GraphLoop {
   std::vector<ResourceIndex> gathers;
 };
 
+struct ResolvedGraph;
+/// A job that inputs name.
+struct GraphJob {
+  std::string file;                            // as it was written
+  std::shared_ptr<const ResolvedGraph> graph;  // sharers: copies of the graph that names it
+};
+
 struct ResolvedGraph {
+  bool is_job = false;
+  std::vector<GraphJob> jobs;
   std::string file;
   std::filesystem::path folder;
-  std::uint32_t width = 0, height = 0;
-  ResourceIndex output = kNoIndex;
-  std::vector<Pass> passes;  // file order
+  std::uint32_t width = 0, height = 0;  // 0: a job that says no extent
+  ResourceIndex output = kNoIndex;      // a job need not have one
+  std::vector<Pass> passes;             // file order
   std::vector<Resource> resources;
   std::vector<GraphLoop> loops;      // of weave_loops
   std::vector<std::string> notes;    // e.g. "pass 'ao': technique none, its outputs are neutral"
@@ -301,10 +323,11 @@ BarrierPlan plan_barriers(const ResolvedGraph& graph, const Order& order, const 
                           std::span<const ResourceIndex> wanted);
 
 // ---- explain --------------------------------------------------------------------------------------------------------
+/// is_live: frames are not waited for, so stages with latency take the newest copy that is there.
 std::string explain_text(const ResolvedGraph& graph, const Order& order, const Placement& placement,
-                         const BarrierPlan& barriers);
+                         const BarrierPlan& barriers, bool is_live = false);
 std::string explain_json(const ResolvedGraph& graph, const Order& order, const Placement& placement,
-                         const BarrierPlan& barriers);
+                         const BarrierPlan& barriers, bool is_live = false);
 std::string explain_dot(const ResolvedGraph& graph, const Order& order);
 
 }  // namespace heddle::graph

@@ -98,6 +98,39 @@ void merge_use(std::vector<Use>& uses, const Use& use) {
   found->access = dominant(found->mask, found->writes);
 }
 
+std::vector<ResourceIndex> made_surfaces(const ResolvedGraph& graph, ResourceIndex surfaces) {
+  std::vector<ResourceIndex> made;
+  for (; surfaces != kNoIndex; surfaces = graph.resources[surfaces].previous_version)
+    if (graph.resources[surfaces].producer != kNoIndex) made.push_back(surfaces);
+  return made;
+}
+
+bool holds_scene(const ResolvedGraph& graph, ResourceIndex surfaces) {
+  while (graph.resources[surfaces].previous_version != kNoIndex) surfaces = graph.resources[surfaces].previous_version;
+  return graph.resources[surfaces].producer == kNoIndex;
+}
+
+BatchBuffers batch_buffers_of(const ResolvedGraph& graph, ResourceIndex made) {
+  const Pass& pass = graph.passes[graph.resources[made].producer];
+  const Port* port = pass.entry.technique->find_port(graph.resources[made].port);
+  const auto bound = [&](const std::string& name) {
+    const auto found = pass.ports.find(name);
+    return name.empty() || found == pass.ports.end() ? kNoIndex : found->second;
+  };
+  if (port == nullptr) return {};
+  return {bound(port->vertices), bound(port->indices), bound(port->instances), bound(port->commands)};
+}
+
+std::vector<ResourceIndex> batch_buffers(const ResolvedGraph& graph, ResourceIndex surfaces) {
+  std::vector<ResourceIndex> found;
+  for (const ResourceIndex made : made_surfaces(graph, surfaces)) {
+    const BatchBuffers buffers = batch_buffers_of(graph, made);
+    for (const ResourceIndex buffer : {buffers.vertices, buffers.indices, buffers.instances, buffers.commands})
+      if (buffer != kNoIndex) found.push_back(buffer);
+  }
+  return found;
+}
+
 std::vector<Use> own_uses(const ResolvedGraph& graph, PassIndex index, std::uint32_t stage) {
   const Pass& pass = graph.passes[index];
   const Technique& technique = *pass.entry.technique;
@@ -117,11 +150,18 @@ std::vector<Use> own_uses(const ResolvedGraph& graph, PassIndex index, std::uint
       merge_use(uses, make_use(resource, access.access, reads, info.writes));
       continue;
     }
+    const bool is_surfaces = port->type == PortType::kSurfaces;
+    if (is_surfaces && access.access != HEDDLE_ACCESS_BATCHES) {
+      // What was made is read out of its makers' buffers.
+      for (const ResourceIndex buffer : batch_buffers(graph, resource))
+        merge_use(uses, make_use(buffer, access.access, true, false));
+    }
     if (port->direction == Direction::kIn) {
       merge_use(uses, make_use(resource, access.access, true, false));
       continue;
     }
-    const bool writes = writes_value(technique, stage, access.port);
+    const bool writes =
+        is_surfaces ? access.access == HEDDLE_ACCESS_BATCHES : writes_value(technique, stage, access.port);
     merge_use(uses,
               make_use(resource, access.access, !writes || technique.stages[stage].kind == StageKind::kGpu, writes));
     const auto source = pass.inout_sources.find(access.port);
@@ -246,7 +286,7 @@ ResourceIndex first_version(const ResolvedGraph& graph, ResourceIndex resource) 
 }
 
 std::string_view access_name(std::uint32_t access) {
-  constexpr std::array<std::string_view, 16> kNames{"sampled",
+  constexpr std::array<std::string_view, 17> kNames{"sampled",
                                                     "sampled linear",
                                                     "storage read",
                                                     "storage write",
@@ -261,7 +301,8 @@ std::string_view access_name(std::uint32_t access) {
                                                     "transfer read",
                                                     "transfer write",
                                                     "sampled compare",
-                                                    "append"};
+                                                    "append",
+                                                    "batches"};
   return access < kNames.size() ? kNames[access] : "unknown";
 }
 

@@ -40,6 +40,18 @@ inline bool has_memory(PortType type) {
   return type == PortType::kImage || type == PortType::kBuffer;
 }
 
+/// The versions of surfaces that passes made, the newest first: what a later one places anew is gone from the earlier.
+std::vector<ResourceIndex> made_surfaces(const ResolvedGraph& graph, ResourceIndex surfaces);
+/// True if the scene's own triangles are beneath them.
+bool holds_scene(const ResolvedGraph& graph, ResourceIndex surfaces);
+/// The buffers of one made version; kNoIndex: it has none.
+struct BatchBuffers {
+  ResourceIndex vertices = kNoIndex, indices = kNoIndex, instances = kNoIndex, commands = kNoIndex;
+};
+BatchBuffers batch_buffers_of(const ResolvedGraph& graph, ResourceIndex made);
+/// Every buffer that drawing the surfaces reads.
+std::vector<ResourceIndex> batch_buffers(const ResolvedGraph& graph, ResourceIndex surfaces);
+
 /// "HEDDLE_ACCESS_" in words of people: "sampled", "colour", ...
 std::string_view access_name(std::uint32_t access);
 

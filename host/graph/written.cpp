@@ -11,11 +11,11 @@
 namespace heddle::graph {
 namespace {
 
-const std::vector<std::string> kGraphKeys{"extends", "extent", "output", "params", "joins", "remove", "pass"};
+const std::vector<std::string> kGraphKeys{"kind", "extends", "extent", "output", "params", "joins", "remove", "pass"};
 const std::vector<std::string> kPassKeys{"name",      "role",   "technique", "params", "inputs",
                                          "functions", "serves", "enabled",   "after",  "before"};
-const std::vector<std::string> kReservedNames{"scene",  "none",  "extends", "extent", "output",
-                                              "params", "joins", "remove",  "pass"};
+const std::vector<std::string> kReservedNames{"scene",  "none",   "kind",  "extends", "extent",
+                                              "output", "params", "joins", "remove",  "pass"};
 
 using Assignments = std::vector<std::pair<WrittenKey, Written>>;
 
@@ -152,6 +152,10 @@ void assign_graph_key(WrittenGraph& graph, std::span<const WrittenKey> path, Wri
         expect(is_string(value), {}, path, value,
                key.name == "output" ? "a string \"pass.port\"" : "the name of a file, as a string", problems))
       (key.name == "output" ? graph.output : graph.extends) = std::move(value);
+  } else if (key.name == "kind") {
+    if (expect_depth(path, 1, {}, "\"frame\" or \"job\"", problems) &&
+        expect(text_of(value) == "frame" || text_of(value) == "job", {}, path, value, "\"frame\" or \"job\"", problems))
+      graph.kind = std::move(value);
   } else if (key.name == "extent") {
     if (expect_depth(path, 1, {}, "[width, height]", problems)) graph.extent = std::move(value);
   } else if (key.name == "params") {
@@ -213,7 +217,9 @@ void assign_pass_key(WrittenPass& pass, std::span<const WrittenKey> path, Writte
     if (expect_depth(path, 2, label, "params.NAME = value", problems)) put(pass.params, path[1], std::move(value));
   } else if (key.name == "inputs") {
     constexpr std::string_view kExpected =
-        "\"pass.port\", \"scene.camera\", \"scene.environment\", \"scene.lights\", \"scene.surfaces\" or \"none\"";
+        "\"pass.port\", \"scene.camera\", \"scene.environment\", \"scene.lights\", \"scene.surfaces\", "
+        "\"job.toml#artifact\" "
+        "or \"none\"";
     if (expect_depth(path, 2, label, "inputs.PORT = \"pass.port\"", problems) &&
         expect(is_string(value), label, path, value, kExpected, problems))
       put(pass.inputs, path[1], std::move(value));

@@ -13,6 +13,7 @@ class Problems {
  public:
   void add(const Location& where, std::string message, std::string found = {}, std::string expected = {},
            std::string help = {});
+  void add(const std::vector<Diagnostic>& more) { list_.insert(list_.end(), more.begin(), more.end()); }
   [[nodiscard]] bool empty() const { return list_.empty(); }
   /// Throws Error(HEDDLE_BAD_INPUT) with everything, by file in order of appearance, then by line and column.
   void throw_if_any();

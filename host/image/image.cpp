@@ -79,8 +79,7 @@ const heddle_image_module& module() {
 
 using Reason = std::array<char, 1024>;
 
-[[noreturn]] void fail(heddle_status status, std::string_view file, std::string message, const Reason& reason) {
-  std::string found = reason.data();
+[[noreturn]] void fail(heddle_status status, std::string_view file, std::string message, std::string found) {
   while (!found.empty() && (found.back() == '\n' || found.back() == '.')) {
     found.pop_back();
   }
@@ -129,7 +128,7 @@ Image read(const std::filesystem::path& file) {
   Reason reason{};
   if (const heddle_status status = images.read(file.c_str(), &pixels, reason.data(), reason.size());
       status != HEDDLE_OK) {
-    fail(status, file.string(), "the image cannot be read", reason);
+    fail(status, file.string(), "the image cannot be read", reason.data());
   }
   const std::unique_ptr<heddle_image_pixels, void (*)(heddle_image_pixels*)> owner(&pixels, images.release);
   Image image{pixels.width, pixels.height, pixels.channels, {}};
@@ -154,7 +153,7 @@ Image8 decode8(std::span<const std::byte> file_bytes, std::string_view name, std
   if (const heddle_status status = images.decode8(file_bytes.data(), file_bytes.size(), extension, maximum_texels,
                                                   &pixels, reason.data(), reason.size());
       status != HEDDLE_OK) {
-    fail(status, name, "the image cannot be decoded", reason);
+    fail(status, name, "the image cannot be decoded", reason.data());
   }
   const std::unique_ptr<heddle_image_pixels, void (*)(heddle_image_pixels*)> owner(&pixels, images.release);
   Image8 image{pixels.width, pixels.height, {}};
@@ -200,7 +199,11 @@ void write(const std::filesystem::path& file, const Image& image) {
       is_float ? static_cast<const void*>(image.pixels.data()) : bytes.data(), reason.data(), reason.size());
   if (status != HEDDLE_OK) {
     std::filesystem::remove(partial, error_code);
-    fail(status, file.string(), "the image cannot be written", reason);
+    // The library speaks of the temporary file.
+    std::string found = reason.data();
+    for (std::size_t at = 0; (at = found.find(partial.string(), at)) != std::string::npos;)
+      found.replace(at, partial.string().size(), file.string());
+    fail(status, file.string(), "the image cannot be written", found);
   }
   std::filesystem::rename(partial, file, error_code);
   if (error_code) {

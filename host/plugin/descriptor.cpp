@@ -73,6 +73,10 @@ class DescriptorReader {
     technique.fallback = optional_text(source.fallback, "fallback");
     if (source.loop != nullptr) technique.loop = read_loop(*source.loop, source.iterations != nullptr);
     technique.components = split_words(optional_text(source.components, "components"));
+    if ((source.save_state == nullptr) != (source.load_state == nullptr)) {
+      complain("save_state and load_state go together", source.save_state != nullptr ? "save_state" : "load_state",
+               "both, or neither");
+    }
     finish();
     problems_ = broken_rules(technique, where_);
     finish();
@@ -171,6 +175,10 @@ class DescriptorReader {
     port.previous_of = optional_text(source.previous_of, "previous_of");
     port.capacity = source.capacity;
     port.element_bytes = source.element_bytes;
+    port.vertices = optional_text(source.vertices, "vertices");
+    port.indices = optional_text(source.indices, "indices");
+    port.instances = optional_text(source.instances, "instances");
+    port.commands = optional_text(source.commands, "commands");
     // A size that follows from parameters or inputs is set in declare; otherwise it stands here.
     if (port.direction == Direction::kOut && !may_declare) {
       const bool is_block = port.type == PortType::kBuffer || port.type == PortType::kValue;

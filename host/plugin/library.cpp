@@ -7,10 +7,7 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <fstream>
 #include <set>
-#include <span>
-#include <sstream>
 #include <utility>
 
 #include <fmt/format.h>
@@ -87,15 +84,6 @@ class PrivateCopy {
  private:
   std::string path_;
 };
-
-std::string hash_of_file(const std::string& file) {
-  std::ifstream stream(file, std::ios::binary);
-  std::ostringstream text;
-  text << stream.rdbuf();
-  ContentHash hash;
-  hash.add_long(std::as_bytes(std::span(text.view())));
-  return hash.hexadecimal();
-}
 
 // "ports/1/help" and the two values there, for the first place in which two documents differ.
 struct Difference {
@@ -195,10 +183,7 @@ Library::Library(const Manifest& manifest) : state_(std::make_unique<State>()) {
     throw failure(manifest.library, HEDDLE_BUG, "this library exports no heddle_entry", {}, {},
                   "build plugins with heddle_plugin() of plugins/heddle_plugin.cmake");
   }
-  const auto is_cached = [](const Stage& stage) { return stage.cached_by.has_value(); };
-  if (std::ranges::any_of(manifest.techniques,
-                          [&](const Technique& technique) { return std::ranges::any_of(technique.stages, is_cached); }))
-    state.content_hash = hash_of_file(copy.path());
+  state.content_hash = hash_of_file(copy.path()).value_or("");
   state.plugin = entry();
   compare(manifest, from_plugin(state.plugin, manifest.library.string()));
 }

@@ -19,7 +19,7 @@ namespace {
 constexpr std::uint32_t kFormat = 3;
 
 // Words of the enumerations, in the order of their values in plugin.h.
-constexpr std::array<std::string_view, 4> kPortTypes{"image", "buffer", "value", "surfaces"};
+constexpr std::array<std::string_view, 6> kPortTypes{"image", "buffer", "value", "surfaces", "artifact", "report"};
 constexpr std::array<std::string_view, 3> kDirections{"in", "out", "inout"};
 constexpr std::array<std::string_view, 5> kPortFlags{"optional", "kept", "cube", "rewritten", "list"};
 constexpr std::array<std::string_view, 2> kExtentRules{"frame", "absolute"};
@@ -27,10 +27,11 @@ constexpr std::array<std::string_view, 8> kParameterTypes{"float", "int",    "bo
                                                           "color", "float3", "names", "text"};
 constexpr std::array<std::string_view, 3> kParameterFlags{"knob", "redeclare", "constant"};
 constexpr std::array<std::string_view, 2> kStageKinds{"gpu", "cpu"};
-constexpr std::array<std::string_view, 16> kAccesses{
-    "sampled",       "sampled_linear", "storage_read",    "storage_write", "storage_read_write", "color",
-    "depth",         "depth_read",     "value",           "draw",          "host_read",          "host_write",
-    "transfer_read", "transfer_write", "sampled_compare", "append"};
+constexpr std::array<std::string_view, 17> kAccesses{
+    "sampled",   "sampled_linear", "storage_read",  "storage_write",  "storage_read_write",
+    "color",     "depth",          "depth_read",    "value",          "draw",
+    "host_read", "host_write",     "transfer_read", "transfer_write", "sampled_compare",
+    "append",    "batches"};
 constexpr std::array<std::string_view, 3> kLoopParts{"outside", "before", "after"};
 constexpr std::array<std::string_view, 4> kLoads{"keep", "clear", "dont_care", "clear_new"};
 constexpr std::array<std::string_view, 5> kBlends{"none", "over", "add", "multiply", "tint"};
@@ -74,7 +75,11 @@ Json port_to_json(const Port& port) {
           {"help", port.help},
           {"previous_of", port.previous_of},
           {"capacity", port.capacity},
-          {"element_bytes", port.element_bytes}};
+          {"element_bytes", port.element_bytes},
+          {"vertices", port.vertices},
+          {"indices", port.indices},
+          {"instances", port.instances},
+          {"commands", port.commands}};
 }
 
 Json parameter_to_json(const Parameter& parameter) {
@@ -253,8 +258,9 @@ class Node {
 };
 
 Port read_port(const Node& node) {
-  node.only({"name", "type", "direction", "flags", "format", "extent_rule", "extent_scale", "width", "height", "layers",
-             "mips", "byte_size", "glsl", "help", "previous_of", "capacity", "element_bytes"});
+  node.only({"name",        "type",     "direction",     "flags",    "format",    "extent_rule", "extent_scale",
+             "width",       "height",   "layers",        "mips",     "byte_size", "glsl",        "help",
+             "previous_of", "capacity", "element_bytes", "vertices", "indices",   "instances",   "commands"});
   Port port;
   node.at("name").read(port.name);
   node.at("type").read_word(port.type, kPortTypes);
@@ -273,6 +279,10 @@ Port read_port(const Node& node) {
   node.at("previous_of").read(port.previous_of);
   node.at("capacity").read(port.capacity);
   node.at("element_bytes").read(port.element_bytes);
+  node.at("vertices").read(port.vertices);
+  node.at("indices").read(port.indices);
+  node.at("instances").read(port.instances);
+  node.at("commands").read(port.commands);
   return port;
 }
 

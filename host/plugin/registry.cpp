@@ -2,6 +2,7 @@
 // Folders -> roles and techniques, checked against each other, without opening a library; techniques -> open libraries,
 // shared by all passes of a host.
 #include "plugin/registry.hpp"
+#include "content_hash.hpp"
 
 #include <algorithm>
 #include <fstream>
@@ -332,6 +333,12 @@ std::shared_ptr<Library> Registry::open(const TechniqueEntry& entry) {
   auto library = std::make_shared<Library>(*entry.manifest);
   place = library;
   return library;
+}
+
+std::string Registry::content_hash(const TechniqueEntry& entry) const {
+  const auto place = open_.find(entry.manifest);
+  const std::shared_ptr<Library> library = place == open_.end() ? nullptr : place->second.lock();
+  return library ? library->content_hash() : hash_of_file(entry.manifest->library).value_or("");
 }
 
 }  // namespace heddle

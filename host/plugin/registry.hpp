@@ -20,7 +20,7 @@ class Library {
   Library(const Library&) = delete;
   Library& operator=(const Library&) = delete;
   [[nodiscard]] const heddle_technique& descriptor(std::string_view technique_id) const;
-  /// Of the file that was opened: another build, another hash. Empty where no technique has a cached stage.
+  /// Of the file that was opened: another build, another hash.
   [[nodiscard]] const std::string& content_hash() const;
 
  private:
@@ -61,6 +61,8 @@ class Registry {
   /// The open library of a technique; opened when nobody has it, closed when the last holder lets go.
   /// Sharers: the passes of all graphs of a host.
   std::shared_ptr<Library> open(const TechniqueEntry& entry);
+  /// Of the library that open would answer with; opens none.
+  [[nodiscard]] std::string content_hash(const TechniqueEntry& entry) const;
 
  private:
   struct Stamp {  // of a library's file

@@ -222,8 +222,8 @@ class RoleReader {
         table, what,
         {"name", "direction", "type", "optional", "infinite", "unit", "range", "neutral", "glsl", "list", "help"});
     port.direction = static_cast<Direction>(read_word(table, what, "direction", {"in", "out", "inout"}, std::nullopt));
-    port.type =
-        static_cast<PortType>(read_word(table, what, "type", {"image", "buffer", "value", "surfaces"}, std::nullopt));
+    port.type = static_cast<PortType>(
+        read_word(table, what, "type", {"image", "buffer", "value", "surfaces", "artifact", "report"}, std::nullopt));
     port.optional = read_bool(table, what, "optional");
     port.infinite = read_bool(table, what, "infinite");
     port.unit = read_string(table, what, "unit", false);

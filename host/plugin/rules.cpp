@@ -39,7 +39,7 @@ bool is_host_access(std::uint32_t access) {
 bool is_write(std::uint32_t access) {
   return access == HEDDLE_ACCESS_STORAGE_WRITE || access == HEDDLE_ACCESS_STORAGE_READ_WRITE ||
          access == HEDDLE_ACCESS_COLOR || access == HEDDLE_ACCESS_DEPTH || access == HEDDLE_ACCESS_HOST_WRITE ||
-         access == HEDDLE_ACCESS_TRANSFER_WRITE || access == HEDDLE_ACCESS_APPEND;
+         access == HEDDLE_ACCESS_TRANSFER_WRITE || access == HEDDLE_ACCESS_APPEND || access == HEDDLE_ACCESS_BATCHES;
 }
 
 bool fits_port(std::uint32_t access, PortType type) {
@@ -52,7 +52,10 @@ bool fits_port(std::uint32_t access, PortType type) {
     case PortType::kValue:
       return access == HEDDLE_ACCESS_VALUE || is_host_access(access);
     case PortType::kSurfaces:
-      return access == HEDDLE_ACCESS_DRAW || is_host_access(access);
+      return access == HEDDLE_ACCESS_DRAW || access == HEDDLE_ACCESS_HOST_READ || access == HEDDLE_ACCESS_BATCHES;
+    case PortType::kArtifact:
+    case PortType::kReport:
+      return access == HEDDLE_ACCESS_VALUE;
   }
   return true;  // an unknown type is complained of once, as the port's
 }
@@ -84,6 +87,7 @@ class Rules {
     for (const Function& function : technique_.functions) check_function(function);
     check_loop();
     check_outputs();
+    for (const Port& port : technique_.ports) check_surfaces(port);
     return std::move(broken_);
   }
 
@@ -125,7 +129,7 @@ class Rules {
     const std::string what = fmt::format("port '{}'", port.name);
     check_flags(what, port.flags,
                 HEDDLE_PORT_OPTIONAL | HEDDLE_PORT_KEPT | HEDDLE_PORT_CUBE | HEDDLE_PORT_REWRITTEN | HEDDLE_PORT_LIST);
-    bool is_known = check_choice(what, "type", static_cast<std::uint32_t>(port.type), HEDDLE_PORT_SURFACES);
+    bool is_known = check_choice(what, "type", static_cast<std::uint32_t>(port.type), HEDDLE_PORT_REPORT);
     is_known = check_choice(what, "direction", static_cast<std::uint32_t>(port.direction), HEDDLE_INOUT) && is_known;
     is_known = check_choice(what, "extent_rule", port.extent_rule, HEDDLE_EXTENT_ABSOLUTE) && is_known;
     if (!is_known) return;
@@ -157,7 +161,52 @@ class Rules {
     if (!port.glsl.empty() && port.type != PortType::kBuffer && port.type != PortType::kValue) {
       complain(what + ": glsl belongs to buffers and values");
     }
+    if (lasts(port.type)) check_lasting(port, what);
     check_list(port, what);
+  }
+
+  void check_lasting(const Port& port, const std::string& what) {
+    const bool is_report = port.type == PortType::kReport;
+    if (port.direction != Direction::kOut && (is_report || port.direction == Direction::kInout)) {
+      complain(what + ": the direction does not fit its type", is_report ? "a report" : "an artifact that is changed",
+               is_report ? "HEDDLE_OUT" : "HEDDLE_IN or HEDDLE_OUT");
+    }
+    if ((port.flags & ~HEDDLE_PORT_OPTIONAL) != 0 || port.byte_size != 0) {
+      complain(what + ": artifacts and reports have no size and no flags but HEDDLE_PORT_OPTIONAL");
+    }
+  }
+
+  // Made surfaces lie in buffers that the technique makes, and one stage says what is in them.
+  void check_surfaces(const Port& port) {
+    const std::string what = fmt::format("port '{}'", port.name);
+    const std::array<std::pair<std::string_view, const std::string*>, 4> buffers{{{"vertices", &port.vertices},
+                                                                                  {"indices", &port.indices},
+                                                                                  {"instances", &port.instances},
+                                                                                  {"commands", &port.commands}}};
+    const bool is_made = port.type == PortType::kSurfaces && port.direction != Direction::kIn;
+    for (const auto& [field, name] : buffers) {
+      if (name->empty()) continue;
+      const Port* buffer = technique_.find_port(*name);
+      const bool is_buffer = buffer != nullptr && buffer->type == PortType::kBuffer &&
+                             buffer->direction == Direction::kOut && (!buffer->is_list() || field == "commands");
+      if (!is_made || !is_buffer) {
+        complain(fmt::format("{}: {} names nothing that batches could lie in", what, field),
+                 fmt::format("\"{}\"", *name),
+                 is_made ? "an out buffer of the technique, a list for commands alone" : "NULL: it makes no surfaces");
+      }
+    }
+    if (!is_made) return;
+    if (port.vertices.empty() || port.indices.empty() || port.instances.empty() != port.commands.empty()) {
+      complain(what + ": its batches have no place", {}, "vertices and indices; instances and commands both or none");
+    }
+    const auto makers = std::count_if(technique_.stages.begin(), technique_.stages.end(), [&](const Stage& stage) {
+      return std::any_of(stage.accesses.begin(), stage.accesses.end(), [&](const Access& access) {
+        return access.port == port.name && access.access == HEDDLE_ACCESS_BATCHES;
+      });
+    });
+    if (makers != 1) {
+      complain(what + ": one stage sets its batches", fmt::format("{} with HEDDLE_ACCESS_BATCHES", makers), "one");
+    }
   }
 
   void check_list(const Port& port, const std::string& what) {
@@ -184,7 +233,8 @@ class Rules {
     const Port* newest = technique_.find_port(port.previous_of);
     const bool is_block = port.type == PortType::kImage || port.type == PortType::kBuffer;
     if (newest == nullptr || newest->direction == Direction::kIn || newest->type != port.type ||
-        port.direction != Direction::kIn || port.type == PortType::kSurfaces || (is_block && !newest->is_kept())) {
+        port.direction != Direction::kIn || port.type == PortType::kSurfaces || lasts(port.type) ||
+        (is_block && !newest->is_kept())) {
       complain(what + ": previous_of names nothing that it could read", fmt::format("\"{}\"", port.previous_of),
                "for an input: an output of its type, images and buffers HEDDLE_PORT_KEPT");
     }
@@ -262,7 +312,7 @@ class Rules {
         complain(place + ": there is no such port", {}, "one of " + join_names(ports));
         continue;
       }
-      bool is_known = check_choice(place, "access", access.access, HEDDLE_ACCESS_APPEND);
+      bool is_known = check_choice(place, "access", access.access, HEDDLE_ACCESS_BATCHES);
       is_known = check_choice(place, "load", access.load, HEDDLE_LOAD_CLEAR_NEW) && is_known;
       is_known = check_choice(place, "blend", access.blend, HEDDLE_BLEND_TINT) && is_known;
       if (!is_known) continue;
@@ -298,16 +348,25 @@ class Rules {
                  fmt::format("{} colour attachments", colors), "one");
       }
       const bool is_host = is_host_access(access.access);
-      const bool is_right = stage.kind == StageKind::kCpu ? is_host || access.access == HEDDLE_ACCESS_VALUE : !is_host;
-      if (access.access <= HEDDLE_ACCESS_APPEND && !is_right) {
+      const bool is_of_both = access.access == HEDDLE_ACCESS_VALUE || access.access == HEDDLE_ACCESS_BATCHES;
+      const bool is_right = stage.kind == StageKind::kCpu ? is_host || is_of_both : !is_host;
+      if (access.access <= HEDDLE_ACCESS_BATCHES && !is_right) {
         complain(fmt::format("{}: access to '{}' is not of its kind", what, access.port),
                  fmt::format("HEDDLE_ACCESS {}", access.access),
-                 stage.kind == StageKind::kCpu ? "HOST_READ, HOST_WRITE or VALUE in a cpu stage"
+                 stage.kind == StageKind::kCpu ? "HOST_READ, HOST_WRITE, VALUE or BATCHES in a cpu stage"
                                                : "no HOST_READ and no HOST_WRITE in a gpu stage");
       }
+      if (stage.kind == StageKind::kGpu) check_not_lasting(access, what);
     }
     check_latency(stage, what);
     if (stage.cached_by) check_cached(stage, what);
+  }
+
+  void check_not_lasting(const Access& access, const std::string& what) {
+    const Port* port = technique_.find_port(access.port);
+    if (port != nullptr && lasts(port->type)) {
+      complain(fmt::format("{}: access to '{}': artifacts and reports are for cpu stages", what, access.port));
+    }
   }
 
   // What is kept on disk depends on nothing that its key lacks, and is all that the stage does.
@@ -402,6 +461,7 @@ class Rules {
         complain(fmt::format("{}: access to '{}' is not for functions", what, access.port),
                  fmt::format("HEDDLE_ACCESS {}", access.access), "SAMPLED*, STORAGE_*, VALUE or APPEND");
       }
+      check_not_lasting(access, what);
     }
     check_calls(what, function.calls);
   }

@@ -18,10 +18,10 @@
 
 namespace heddle {
 
-enum class PortType : std::uint32_t { kImage, kBuffer, kValue, kSurfaces };  // = HEDDLE_PORT_*
-enum class Direction : std::uint32_t { kIn, kOut, kInout };                  // = HEDDLE_IN ...
-enum class StageKind : std::uint32_t { kGpu, kCpu };                         // = HEDDLE_STAGE_*
-enum class ShaderKind : std::uint32_t { kCompute, kFullscreen, kSurfaces };  // = HEDDLE_SHADER_*
+enum class PortType : std::uint32_t { kImage, kBuffer, kValue, kSurfaces, kArtifact, kReport };  // = HEDDLE_PORT_*
+enum class Direction : std::uint32_t { kIn, kOut, kInout };                                      // = HEDDLE_IN ...
+enum class StageKind : std::uint32_t { kGpu, kCpu };                                             // = HEDDLE_STAGE_*
+enum class ShaderKind : std::uint32_t { kCompute, kFullscreen, kSurfaces };                      // = HEDDLE_SHADER_*
 enum class ParameterType : std::uint32_t { kFloat, kInt, kBool, kChoice, kColor, kFloat3, kNames, kText };
 enum class Join : std::uint8_t { kSwitch, kSum, kProduct };
 
@@ -101,7 +101,8 @@ struct Port {
   std::string help;
   std::string previous_of;  // an output of the same technique
   std::string types;        // GLSL that `glsl` needs before it; of components, never in a descriptor
-  std::uint32_t capacity = 0, element_bytes = 0;  // lists
+  std::uint32_t capacity = 0, element_bytes = 0;       // lists
+  std::string vertices, indices, instances, commands;  // made surfaces: buffers of the same technique
   [[nodiscard]] bool is_optional() const { return (flags & HEDDLE_PORT_OPTIONAL) != 0; }
   [[nodiscard]] bool is_kept() const { return (flags & HEDDLE_PORT_KEPT) != 0; }
   [[nodiscard]] bool is_list() const { return (flags & HEDDLE_PORT_LIST) != 0; }
@@ -208,6 +209,17 @@ struct Technique {
   [[nodiscard]] const Function* find_function(std::string_view role) const;
   bool operator==(const Technique&) const = default;
 };
+
+/// What a job leaves behind: bytes that outlast the process.
+inline bool lasts(PortType type) {
+  return type == PortType::kArtifact || type == PortType::kReport;
+}
+/// True for a technique that runs in jobs alone.
+inline bool makes_what_lasts(const Technique& technique) {
+  for (const Port& port : technique.ports)
+    if (lasts(port.type) && port.direction == Direction::kOut) return true;
+  return false;
+}
 
 /// Copies a descriptor; throws Error(HEDDLE_BUG) naming the library if it breaks a rule of plugin.h (a NULL name, an
 /// unknown type, a stage's access to a port that does not exist, a shader of an unknown stage, ...).

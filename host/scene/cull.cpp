@@ -46,7 +46,7 @@ Box bounding_box(const std::array<glm::vec3, 2>& bounds, const HeddleInstance& i
   return box;
 }
 
-Frustum::Frustum(const HeddleView& view) {
+Frustum::Frustum(const HeddleView& view, const glm::dvec3& from) : shift_{from, kDotError * glm::abs(from)} {
   // Inside: -w <= x <= w, -w <= y <= w, 0 <= z <= w. Each is a sum of two rows of the matrix that the shader multiplies
   // with; the plane z >= 0 of an infinite projection excludes nothing by itself.
   const auto element = [&](int row, int column) { return static_cast<double>(view.clip_from_rel[4 * column + row]); };
@@ -74,7 +74,8 @@ Frustum::Frustum(const HeddleView& view) {
   }
 }
 
-bool Frustum::excludes(const Box& box) const {
+bool Frustum::excludes(const Box& given) const {
+  const Box box{given.centre + shift_.centre, given.half + shift_.half};
   const glm::dvec3 farthest = glm::abs(box.centre) + box.half;
   for (const Plane& plane : planes_) {
     const double greatest = glm::dot(plane.normal, box.centre) + plane.offset +
@@ -85,7 +86,8 @@ bool Frustum::excludes(const Box& box) const {
   return false;
 }
 
-bool Frustum::contains(const Box& box) const {
+bool Frustum::contains(const Box& given) const {
+  const Box box{given.centre + shift_.centre, given.half + shift_.half};
   return std::all_of(planes_.begin(), planes_.end(), [&](const Plane& plane) {
     return glm::dot(plane.normal, box.centre) + plane.offset - glm::dot(glm::abs(plane.normal), box.half) >= 0;
   });
@@ -124,25 +126,32 @@ void InstanceBoxes::find_visible(const Frustum& frustum, std::size_t first, std:
   }
 }
 
+namespace {
+constexpr std::uint8_t kGone = 2;  // neither in view nor out of it
+}  // namespace
+
 VisibleDraws cull(std::span<const VkDrawIndexedIndirectCommand> commands, const InstanceBoxes& boxes,
-                  const Frustum& frustum) {
+                  const Frustum* frustum, std::span<const std::uint8_t> is_gone) {
   VisibleDraws left;
   if (commands.empty()) return left;
   const std::uint32_t first = commands.front().firstInstance;
   const std::uint32_t count = commands.back().firstInstance + commands.back().instanceCount - first;
-  std::vector<std::uint8_t> visible(count);
-  boxes.find_visible(frustum, first, count, visible.data());
+  std::vector<std::uint8_t> visible(count, 1);
+  if (frustum != nullptr) boxes.find_visible(*frustum, first, count, visible.data());
+  for (std::uint32_t i = 0; i < count && !is_gone.empty(); ++i) {
+    if (is_gone[first + i] != 0) visible[i] = kGone;
+  }
   for (const VkDrawIndexedIndirectCommand& command : commands) {
     const std::uint32_t end = command.firstInstance + command.instanceCount;
     for (std::uint32_t i = command.firstInstance; i < end;) {
-      if (visible[i - first] == 0) {
-        ++left.culled;
+      if (visible[i - first] != 1) {
+        if (visible[i - first] == 0) ++left.culled;
         ++i;
         continue;
       }
       VkDrawIndexedIndirectCommand stretch = command;
       stretch.firstInstance = i;
-      while (i < end && visible[i - first] != 0) ++i;
+      while (i < end && visible[i - first] == 1) ++i;
       stretch.instanceCount = i - stretch.firstInstance;
       left.drawn += stretch.instanceCount;
       left.commands.push_back(stretch);

@@ -20,7 +20,8 @@ Box bounding_box(const std::array<glm::vec3, 2>& bounds, const HeddleInstance& i
 /// The clip volume of a view: any projection, infinite far planes too.
 class Frustum {
  public:
-  explicit Frustum(const HeddleView& view);
+  /// `from`: where boxes are relative to, seen from where the view is relative to.
+  explicit Frustum(const HeddleView& view, const glm::dvec3& from = glm::dvec3(0.0));
   /// No point of the box can be drawn. Never true of a box or view that holds a NaN.
   [[nodiscard]] bool excludes(const Box& box) const;
   /// Every point of the box is in view, up to rounding.
@@ -34,6 +35,7 @@ class Frustum {
     double offset_slack = 0;
   };
   std::array<Plane, 6> planes_;
+  Box shift_;  // what is added to boxes; its half is what vertices may be rounded by when they are placed once more
 };
 
 /// Boxes of instances in draw order, and of runs of them, which decide for many at once where neighbours in the order
@@ -55,8 +57,9 @@ struct VisibleDraws {
   std::uint32_t drawn = 0, culled = 0;                 // instances
 };
 /// `commands` draw instances that follow each other: firstInstance counts in `boxes`. Instances keep their numbers, so
-/// a command whose instances are seen in part becomes one for each stretch of them.
+/// a command whose instances are seen in part becomes one for each stretch of them. Instances that `is_gone` says are
+/// not there count as neither drawn nor culled; empty: all are there. Without a frustum all that are there are drawn.
 VisibleDraws cull(std::span<const VkDrawIndexedIndirectCommand> commands, const InstanceBoxes& boxes,
-                  const Frustum& frustum);
+                  const Frustum* frustum, std::span<const std::uint8_t> is_gone = {});
 
 }  // namespace heddle::scene

@@ -3,6 +3,7 @@
 #include "scene/draw_order.hpp"
 
 #include <algorithm>
+#include <tuple>
 
 namespace heddle::scene {
 namespace {
@@ -11,8 +12,10 @@ namespace {
 struct Placed {
   double depth = 0;
   std::uint32_t instance = 0;  // of the scene
-  std::uint32_t slot = 0;      // of SceneBuffers::instances()
+  std::uint32_t slot = 0;      // of the source
+  std::size_t source = 0;
   const DrawGroup* group = nullptr;
+  const VkDrawIndexedIndirectCommand* command = nullptr;  // that draws it
 };
 
 /// Depth along the axis as a function of object space: dot(gradient, position) + offset.
@@ -50,46 +53,58 @@ void append_triangles(const Mesh& mesh, const DepthOf& depth_of, std::vector<std
 
 }  // namespace
 
-OrderedDraws order_back_to_front(const Scene& scene, const SceneBuffers& buffers,
-                                 std::span<const DrawGroup* const> groups, const HeddleView& view,
-                                 const glm::dvec3& origin, bool sorts_triangles) {
+OrderedDraws order_back_to_front(const Scene& scene, std::span<const DrawSource> sources, const HeddleView& view,
+                                 const glm::dvec3& origin, bool sorts_triangles, const Frustum* frustum) {
+  OrderedDraws ordered;
   std::vector<Placed> placed;
-  for (const DrawGroup* group : groups) {
-    for (std::uint32_t i = 0; i < group->instance_count; ++i) {
-      Placed one;
-      one.slot = group->first_instance + i;
-      one.instance = buffers.order()[one.slot];
-      one.group = group;
-      const Instance& instance = scene.instances[one.instance];
-      const auto& bounds = scene.meshes[instance.mesh].bounds;
-      const glm::dvec3 centre = 0.5 * (glm::dvec3(bounds[0]) + glm::dvec3(bounds[1]));
-      one.depth = DepthOf(view, instance.scene_from_object, origin)(centre);
-      placed.push_back(one);
+  for (std::size_t s = 0; s < sources.size(); ++s) {
+    const DrawSource& source = sources[s];
+    for (const DrawGroup* group : source.groups) {
+      const VisibleDraws visible = source.list.visible(*group, frustum, source.is_gone);
+      ordered.drawn += visible.drawn;
+      ordered.culled += visible.culled;
+      const VkDrawIndexedIndirectCommand* command = &source.list.commands[group->first_command];
+      for (const VkDrawIndexedIndirectCommand& part : visible.commands) {
+        // What is visible are parts of the group's commands, in their order.
+        while (part.firstInstance >= command->firstInstance + command->instanceCount) ++command;
+        for (std::uint32_t slot = part.firstInstance; slot < part.firstInstance + part.instanceCount; ++slot) {
+          Placed one;
+          one.slot = slot;
+          one.instance = source.list.order[slot];
+          one.source = s;
+          one.group = group;
+          one.command = command;
+          const Instance& instance = scene.instances[one.instance];
+          const auto& bounds = source.made != nullptr ? source.made->bounds(slot) : scene.meshes[instance.mesh].bounds;
+          const glm::dvec3 centre = 0.5 * (glm::dvec3(bounds[0]) + glm::dvec3(bounds[1]));
+          one.depth = DepthOf(view, instance.scene_from_object, origin)(centre);
+          placed.push_back(one);
+        }
+      }
     }
   }
   std::sort(placed.begin(), placed.end(), [](const Placed& a, const Placed& b) {
-    return a.depth != b.depth ? a.depth > b.depth : a.instance < b.instance;
+    if (a.depth != b.depth) return a.depth > b.depth;
+    return std::tie(a.instance, a.source, a.slot) < std::tie(b.instance, b.source, b.slot);
   });
 
-  OrderedDraws ordered;
   for (std::size_t i = 0; i < placed.size(); ++i) {
     const Placed& one = placed[i];
     const Instance& instance = scene.instances[one.instance];
-    const MeshRange& range = buffers.mesh(instance.mesh);
-    if (sorts_triangles) {
+    if (sorts_triangles && sources[one.source].made == nullptr) {
       const auto first = static_cast<std::uint32_t>(ordered.indices.size());
       append_triangles(scene.meshes[instance.mesh], DepthOf(view, instance.scene_from_object, origin), ordered.indices);
-      ordered.draws.push_back({one.group, first, static_cast<std::uint32_t>(ordered.indices.size()) - first,
-                               range.vertex_offset(), one.slot, 1});
+      ordered.draws.push_back({one.source, one.group, first, static_cast<std::uint32_t>(ordered.indices.size()) - first,
+                               one.command->vertexOffset, one.slot, 1});
       continue;
     }
     // Neighbours of one mesh that also lie side by side in the buffer are one draw.
-    if (i > 0 && placed[i - 1].group == one.group && placed[i - 1].slot + 1 == one.slot &&
-        scene.instances[placed[i - 1].instance].mesh == instance.mesh) {
+    if (i > 0 && placed[i - 1].command == one.command && placed[i - 1].slot + 1 == one.slot) {
       ++ordered.draws.back().instance_count;
       continue;
     }
-    ordered.draws.push_back({one.group, range.first_index, range.index_count, range.vertex_offset(), one.slot, 1});
+    ordered.draws.push_back({one.source, one.group, one.command->firstIndex, one.command->indexCount,
+                             one.command->vertexOffset, one.slot, 1});
   }
   return ordered;
 }

@@ -222,6 +222,7 @@ class FileImport {
     is_skinned_.push_back(false);
     if (joints.empty() && primitive.targets.empty()) {
       scene_.meshes.push_back(build_mesh(std::move(name), material, std::move(attributes), tangent_uv_set, uv_matrix));
+      scene_.meshes.back().face_sizes = std::move(primitive.face_sizes);
       return id;
     }
     deformation.name = fmt::format("primitive {} of mesh {} '{}'", index, mesh, source.name);
@@ -236,6 +237,7 @@ class FileImport {
     set_shape(deform(deformation, weights, joints, origin, made.indices, document_.file), deformation, made);
     made.shape = 0;
     made.previous_vertices = {};
+    made.face_sizes = std::move(primitive.face_sizes);
     scene_.meshes.push_back(std::move(made));
     return id;
   }

@@ -15,9 +15,10 @@
 namespace heddle::scene::gltf {
 namespace {
 
-constexpr std::array<std::string_view, 8> kKnownExtensions = {
-    "HEDDLE_components",          "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_ior",
-    "KHR_materials_transmission", "KHR_materials_unlit", "KHR_mesh_quantization",           "KHR_texture_transform"};
+constexpr std::array<std::string_view, 9> kKnownExtensions = {
+    "HEDDLE_components",     "KHR_lights_punctual",        "KHR_materials_emissive_strength",
+    "KHR_materials_ior",     "KHR_materials_transmission", "KHR_materials_unlit",
+    "KHR_mesh_quantization", "KHR_texture_transform",      "FB_ngon_encoding"};
 
 // tinygltf walks `extras` and `extensions` by recursion; real files nest less than ten deep.
 constexpr std::uint32_t kMaximumNesting = 64;
@@ -335,7 +336,7 @@ std::vector<Value> read_elements(const Document& document, const tinygltf::Acces
       stride = given != 0 ? given : element;
     }
     const std::size_t span =
-        accessor.count == 0 ? 0 : checked_product(document, accessor.count - 1, stride, what) + element;
+        accessor.count == 0 ? 0 : checked_product(document, accessor.count, stride, what) - stride + element;
     data = view_bytes(document, accessor.bufferView, accessor.byteOffset, span, what);
   } else if (accessor.count > kMaximumZeros) {
     document.fail(fmt::format("{}: an accessor without data claims too many elements", what),

@@ -37,6 +37,21 @@ std::vector<std::uint32_t> to_triangles(const Document& document, int mode, std:
   return triangles;
 }
 
+/// FB_ngon_encoding: triangles that follow each other and begin with the same corner are one face.
+std::vector<std::uint32_t> find_faces(const std::vector<std::uint32_t>& triangles) {
+  std::vector<std::uint32_t> sizes;
+  for (std::size_t i = 0; i < triangles.size(); i += 3) {
+    // Fans go on along the edge that the last triangle left.
+    const bool continues = i > 0 && triangles[i] == triangles[i - 3] && triangles[i + 1] == triangles[i - 1];
+    if (continues) {
+      ++sizes.back();
+    } else {
+      sizes.push_back(3);
+    }
+  }
+  return sizes;
+}
+
 class PrimitiveReader {
  public:
   PrimitiveReader(const Document& document, const tinygltf::Primitive& source, std::string what)
@@ -189,6 +204,9 @@ std::optional<Primitive> read_primitive(Document& document, std::size_t mesh, st
     }
   }
   attributes.indices = to_triangles(document, source.mode, std::move(corners), reader.what());
+  if (source.mode == TINYGLTF_MODE_TRIANGLES && source.extensions.contains("FB_ngon_encoding")) {
+    primitive.face_sizes = find_faces(attributes.indices);
+  }
 
   for (std::size_t i = 0; with_targets && i < source.targets.size(); ++i) {
     primitive.targets.push_back(read_target(document, source.targets[i], reader.what(), vertices));

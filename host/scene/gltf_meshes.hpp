@@ -11,6 +11,7 @@ namespace heddle::scene::gltf {
 
 struct Primitive {
   Attributes attributes;
+  std::vector<std::uint32_t> face_sizes;  // as Mesh has them
   Influence influence;
   std::vector<MorphTarget> targets;  // only if asked for
 };

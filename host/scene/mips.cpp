@@ -152,4 +152,22 @@ std::vector<MipLevel> make_mips(const Texture& texture) {
   return mips;
 }
 
+std::vector<glm::vec4> make_mips(std::uint32_t width, std::uint32_t height, std::vector<glm::vec4> texels) {
+  glm::vec4 low = texels.front(), high = low;
+  for (const glm::vec4& texel : texels) {
+    low = glm::min(low, texel);
+    high = glm::max(high, texel);
+  }
+  std::size_t above = 0;
+  for (std::uint32_t count = mip_count(width, height); count > 1; --count) {
+    const FloatLevel half = halve(width, height, [&](std::size_t texel) { return texels[above + texel]; });
+    above = texels.size();
+    // Weights are rounded: without the bounds a constant would change by an ulp.
+    for (const glm::vec4& texel : half.texels) texels.push_back(glm::clamp(texel, low, high));
+    width = half.width;
+    height = half.height;
+  }
+  return texels;
+}
+
 }  // namespace heddle::scene

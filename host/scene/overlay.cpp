@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // TOML -> changes to a scene. First everything is read and checked, then everything is applied.
 #include "scene/overlay.hpp"
+#include "image/image.hpp"
 #include "plugin/toml_json.hpp"
+#include "scene/light_texture.hpp"
 
 #include <fmt/format.h>
 #include <toml++/toml.h>
@@ -250,7 +252,37 @@ Change read_instance(Table& table, const std::string& name, const ComponentCatal
   return [=](Scene& scene) { attach_to_named(scene, scene.instances, name, Owner::kInstance, components); };
 }
 
-Change read_light(Table& table, const std::string& name, bool is_new, const ComponentCatalog* catalog) {
+/// What "texture" of a light names, read; an empty pointer: "none". Nothing where the key is absent or mistaken.
+std::optional<std::shared_ptr<const LightTexture>> read_light_texture(Table& table, const std::string& name,
+                                                                      const std::filesystem::path& folder,
+                                                                      const LoadLimits& limits,
+                                                                      std::vector<std::filesystem::path>& files) {
+  const std::optional<std::string> named = table.text("texture");
+  if (!named) return std::nullopt;
+  if (*named == "none") return std::shared_ptr<const LightTexture>();
+  const Location place = table.where(*table.find("texture"));
+  std::error_code error;
+  const std::filesystem::path file = folder / *named;
+  const auto home = std::filesystem::weakly_canonical(folder.empty() ? "." : folder, error);
+  const auto real = std::filesystem::weakly_canonical(file, error);
+  const bool is_inside = std::mismatch(home.begin(), home.end(), real.begin(), real.end()).first == home.end();
+  if (!is_inside && !limits.leaves_folder) {
+    table.mistake(place, "'texture' names a file outside of the overlay's folder", *named, "a file beside it or below",
+                  "if you trust it, load it with HEDDLE_LOAD_TRUSTED, or with --trust-files on the command");
+    return std::nullopt;
+  }
+  try {
+    const image::Image image = image::read(file);
+    files.push_back(file);
+    return make_light_texture(fmt::format("light '{}'", name), image.width, image.height, image.channels, image.pixels);
+  } catch (const Error& failure) {
+    table.mistake(place, "'texture' cannot be used", failure.diagnostics().front().message, "");
+    return std::nullopt;
+  }
+}
+
+Change read_light(Table& table, const std::string& name, bool is_new, const ComponentCatalog* catalog,
+                  const std::filesystem::path& folder, const LoadLimits& limits) {
   const auto type = table.choice("type", kLightTypes);
   const auto position = table.numbers<3>("position", kAny);
   const auto towards = direction(table, "direction"), tangent = direction(table, "tangent");
@@ -261,6 +293,8 @@ Change read_light(Table& table, const std::string& name, bool is_new, const Comp
   const Range angle{0, std::numbers::pi};
   const auto inner = table.number("inner_angle", angle), outer = table.number("outer_angle", angle);
   const auto casts_shadow = table.boolean("casts_shadow");
+  std::vector<std::filesystem::path> files;
+  const auto texture = read_light_texture(table, name, folder, limits, files);
   const std::vector<ComponentValues> components = table.components(catalog, Owner::kLight);
   table.finish();
   if (is_new && (!type || !intensity)) {
@@ -281,6 +315,9 @@ Change read_light(Table& table, const std::string& name, bool is_new, const Comp
       store(range, record.range);
       store(radius, record.radius);
       store(segment_length, record.segment_length);
+      if (texture) {
+        light.texture = *texture;
+      }
       if (inner) {
         record.cos_inner = static_cast<float>(std::cos(*inner));
       }
@@ -307,6 +344,7 @@ Change read_light(Table& table, const std::string& name, bool is_new, const Comp
         apply(light);
       }
     }
+    scene.files.insert(scene.files.end(), files.begin(), files.end());
     attach_to_named(scene, scene.lights, name, Owner::kLight, components);
   };
 }
@@ -434,9 +472,14 @@ class Overlay {
       : file_(std::move(file)), root_(root, "the overlay", file_, problems_) {}
 
   std::optional<std::string> base() { return root_.text("file"); }
+  [[noreturn]] void mistake_in_base(std::string message, std::string found, std::string expected, std::string help) {
+    root_.mistake(root_.where(*root_.find("file")), std::move(message), std::move(found), std::move(expected),
+                  std::move(help));
+    throw Error(HEDDLE_BAD_INPUT, std::move(problems_));
+  }
 
   /// Reads everything against the scene that it is for; throws with all mistakes.
-  std::vector<Change> read(const Scene& scene) {
+  std::vector<Change> read(const Scene& scene, const LoadLimits& limits) {
     std::vector<Change> changes;
     std::vector<std::string> cameras = names_of(scene.cameras), lights = names_of(scene.lights);
     const std::vector<std::string> materials = names_of(scene.materials);
@@ -452,7 +495,8 @@ class Overlay {
     });
     each("light", [&](Table& table, const std::string& name) {
       const bool is_new = !contains(lights, name);
-      changes.push_back(read_light(table, name, is_new, scene.components.catalog));
+      changes.push_back(read_light(table, name, is_new, scene.components.catalog,
+                                   std::filesystem::path(file_).parent_path(), limits));
       if (is_new) {
         lights.push_back(name);
       }
@@ -558,9 +602,10 @@ class Overlay {
   std::uint32_t animation_ = HEDDLE_NONE;
 };
 
-}  // namespace
-
-void load_overlay(Scene& scene, const std::filesystem::path& file, const LoadLimits& limits) {
+/// above: overlays over this one, the last of which names it.
+void apply_overlay(Scene& scene, const std::filesystem::path& file, const LoadLimits& limits,
+                   std::vector<std::filesystem::path> above) {
+  above.push_back(file);
   std::ifstream stream(file, std::ios::binary);
   std::error_code ignored;
   if (!std::filesystem::is_regular_file(file, ignored) || !stream) {
@@ -587,10 +632,27 @@ void load_overlay(Scene& scene, const std::filesystem::path& file, const LoadLim
   loaded.time = scene.time;
   loaded.components.catalog = scene.components.catalog;
   if (base) {
-    load_gltf(loaded, file.parent_path() / *base, limits);
+    const std::filesystem::path below = file.parent_path() / *base;
+    if (below.extension() == ".py") {
+      overlay.mistake_in_base("a Python file cannot be under an overlay", *base, "a glTF file or another overlay",
+                              "load the Python file, and this one with --overlay");
+    }
+    if (below.extension() == ".toml") {
+      std::error_code error;
+      const auto is_it = [&](const std::filesystem::path& known) {
+        return std::filesystem::equivalent(known, below, error);
+      };
+      if (std::any_of(above.begin(), above.end(), is_it)) {
+        overlay.mistake_in_base("the overlays are over each other in a circle", *base,
+                                "a file that is not over this one", "");
+      }
+      apply_overlay(loaded, below, limits, above);
+    } else {
+      load_gltf(loaded, below, limits);
+    }
   }
   Scene& changed = base ? loaded : scene;
-  const std::vector<Change> changes = overlay.read(changed);
+  const std::vector<Change> changes = overlay.read(changed, limits);
   overlay.play(changed);
   for (const Change& change : changes) {
     change(changed);
@@ -599,6 +661,12 @@ void load_overlay(Scene& scene, const std::filesystem::path& file, const LoadLim
     merge(scene, std::move(loaded));
   }
   scene.files.push_back(file);
+}
+
+}  // namespace
+
+void load_overlay(Scene& scene, const std::filesystem::path& file, const LoadLimits& limits) {
+  apply_overlay(scene, file, limits, {});
 }
 
 }  // namespace heddle::scene

@@ -7,8 +7,8 @@
 namespace heddle::scene {
 
 /// Applies the overlay, all or nothing. All its mistakes are reported together, each with its place. A `file` in it is
-/// loaded first, and the overlay then changes that file's part of the scene alone; without one it changes the whole
-/// scene.
+/// loaded first (glTF, or another overlay), and the overlay then changes that file's part of the scene alone; without
+/// one it changes the whole scene.
 void load_overlay(Scene& scene, const std::filesystem::path& file, const LoadLimits& limits = {});
 
 }  // namespace heddle::scene

@@ -64,6 +64,13 @@ struct Mesh {
   // numbers differ, and mean nothing where they are equal. 0: never bends.
   std::uint64_t shape = 0, previous_shape = 0;
   std::vector<HeddleVertex> previous_vertices;
+
+  // What subdivision needs to know beyond triangles. Faces as they were given, each a number of corners, drawn as a fan
+  // of triangles around its first one; empty: every triangle is a face. Creases are pairs of vertices, an isolated one
+  // a pair of the same.
+  std::vector<std::uint32_t> face_sizes;
+  std::vector<std::uint32_t> creases;  // two numbers of vertices each
+  std::vector<float> sharpness;        // of each crease
 };
 
 struct Instance {
@@ -73,10 +80,19 @@ struct Instance {
   glm::dmat4 previous_scene_from_object{1.0};
 };
 
+/// What a rectangle light shines with, and its mip chain; never changes once made, so lights share it.
+struct LightTexture {
+  std::uint32_t width = 0, height = 0;
+  std::uint32_t level_count = 0;
+  std::vector<glm::vec4> texels;  // of all levels, the finest first
+  std::uint64_t revision = 0;     // differs from every other's
+};
+
 struct Light {
   std::string name;
   glm::dvec3 position{0.0};
   HeddleLight record{};
+  std::shared_ptr<const LightTexture> texture;  // null: none; of rectangles alone it is seen
 };
 
 struct Camera {
@@ -149,6 +165,12 @@ class Scene {
   };
   mutable std::optional<Reach> reach_;
 };
+
+/// The same number: the same content and components.
+inline std::uint64_t component_revision(const Scene& scene) {
+  // Both only grow, and content revisions of two scenes are far apart: no two tables have the same number.
+  return scene.content_revision + scene.components.revision();
+}
 
 /// Direction and place of a light at a node; it shines along the node's -Z.
 void place_light(Light& light, const glm::dmat4& scene_from_node);

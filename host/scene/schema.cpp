@@ -112,23 +112,26 @@ Json camera() {
 }
 
 Json light() {
-  return {{"name", name("a new name adds a light, which needs a type and an intensity; a present one changes it")},
-          {"type", word("its shape", {"directional", "point", "spot", "sphere", "capsule", "cone", "wedge", "box",
-                                      "rectangle", "environment"})},
-          {"position", numbers(3, "metres")},
-          {"direction", numbers(3, "where its light goes; of any length but 0")},
-          {"tangent", numbers(3, "along a capsule, a wedge's edge, a rectangle's width; of any length but 0")},
-          {"intensity", numbers(3,
-                                "linear Rec.709; directional and box lux; point, spot, capsule, cone, wedge candela; "
-                                "sphere, rectangle cd/m^2",
-                                kNotNegative)},
-          {"half_extent", numbers(3, "metres", kNotNegative)},
-          {"range", number("metres, beyond which it is exactly 0; 0: no end", kNotNegative)},
-          {"radius", number("metres", kNotNegative)},
-          {"segment_length", number("metres", kNotNegative)},
-          {"inner_angle", number("radians from the axis, where the fall-off begins", kAngle)},
-          {"outer_angle", number("radians from the axis, where the light ends", kAngle)},
-          {"casts_shadow", boolean("whether techniques give it shadows")}};
+  return {
+      {"name", name("a new name adds a light, which needs a type and an intensity; a present one changes it")},
+      {"type", word("its shape", {"directional", "point", "spot", "sphere", "capsule", "cone", "wedge", "box",
+                                  "rectangle", "environment"})},
+      {"position", numbers(3, "metres")},
+      {"direction", numbers(3, "where its light goes; of any length but 0")},
+      {"tangent", numbers(3, "along a capsule, a wedge's edge, a rectangle's width; of any length but 0")},
+      {"intensity", numbers(3,
+                            "linear Rec.709; directional and box lux; point, spot, capsule, cone, wedge candela; "
+                            "sphere, rectangle cd/m^2",
+                            kNotNegative)},
+      {"half_extent", numbers(3, "metres", kNotNegative)},
+      {"range", number("metres, beyond which it is exactly 0; 0: no end", kNotNegative)},
+      {"radius", number("metres", kNotNegative)},
+      {"segment_length", number("metres", kNotNegative)},
+      {"inner_angle", number("radians from the axis, where the fall-off begins", kAngle)},
+      {"outer_angle", number("radians from the axis, where the light ends", kAngle)},
+      {"texture", text("image on a rectangle, seen from its lit side with the tangent to the right: its radiance is "
+                       "intensity times texel; a path from this file's folder, or \"none\"")},
+      {"casts_shadow", boolean("whether techniques give it shadows")}};
 }
 
 Json material() {

@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "scene/geometry.hpp"
+#include "scene/made_surfaces.hpp"
 #include "scene/upload.hpp"
 
 namespace heddle::scene {
@@ -34,6 +35,9 @@ struct SnapshotData {
   std::vector<AlphaLook> looks;
   std::vector<std::uint32_t> look_of;  // by material; HEDDLE_NONE: no holes
   std::uint64_t content_revision = 0, motion_revision = 0;
+  bool holds_scene = true;
+  std::vector<std::uint64_t> made_revisions;
+  glm::dvec3 made_origin{0.0};  // of instances that techniques placed
 };
 static_assert(std::is_standard_layout_v<SnapshotData>);
 
@@ -119,15 +123,15 @@ AlphaLook look_of(const Scene& scene, const Material& material) {
   return look;
 }
 
-void add_instance(const Scene& scene, const Instance& instance, const glm::dvec3& origin, SnapshotData& data) {
-  const Mesh& mesh = scene.meshes.at(instance.mesh);
-  const Material& material = scene.materials.at(mesh.material);
-  const glm::dmat4& matrix = instance.scene_from_object;
+/// Triangles of one material, as they are placed.
+void add_triangles(const Scene& scene, std::uint32_t material, const glm::dmat4& matrix,
+                   std::span<const HeddleVertex> vertices, std::span<const std::uint32_t> indices, bool is_flipped,
+                   const glm::dvec3& origin, SnapshotData& data) {
   const glm::dmat3 linear(matrix);
   const glm::dmat3 normals = normal_matrix(linear);
   const glm::dvec3 translation = glm::dvec3(matrix[3]) - origin;
   const auto first = static_cast<std::uint32_t>(data.positions.size() / 3);
-  for (const HeddleVertex& vertex : mesh.vertices) {
+  for (const HeddleVertex& vertex : vertices) {
     const glm::dvec3 position =
         linear * glm::dvec3(vertex.position[0], vertex.position[1], vertex.position[2]) + translation;
     const glm::dvec3 given(vertex.normal[0], vertex.normal[1], vertex.normal[2]);
@@ -143,14 +147,75 @@ void add_instance(const Scene& scene, const Instance& instance, const glm::dvec3
     data.uv1.push_back({vertex.u1, vertex.v1});
     data.vertex_alpha.push_back(static_cast<std::uint8_t>(vertex.color >> 24));
   }
-  const bool is_mirrored = glm::determinant(linear) < 0;
-  for (std::size_t i = 0; i + 2 < mesh.indices.size(); i += 3) {
+  const std::uint32_t flags = surface_flags(scene.materials.at(material).record);
+  for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
     // Corners of front faces run counter-clockwise also where the transform mirrors.
-    data.indices.push_back(first + mesh.indices[i]);
-    data.indices.push_back(first + mesh.indices[is_mirrored ? i + 2 : i + 1]);
-    data.indices.push_back(first + mesh.indices[is_mirrored ? i + 1 : i + 2]);
-    data.materials.push_back(mesh.material);
-    data.flags.push_back(surface_flags(material.record));
+    data.indices.push_back(first + indices[i]);
+    data.indices.push_back(first + indices[is_flipped ? i + 2 : i + 1]);
+    data.indices.push_back(first + indices[is_flipped ? i + 1 : i + 2]);
+    data.materials.push_back(material);
+    data.flags.push_back(flags);
+  }
+}
+
+bool is_mirrored(const glm::dmat4& matrix) {
+  return glm::determinant(glm::dmat3(matrix)) < 0;
+}
+
+void add_instance(const Scene& scene, const Instance& instance, const glm::dvec3& origin, SnapshotData& data) {
+  const Mesh& mesh = scene.meshes.at(instance.mesh);
+  add_triangles(scene, mesh.material, instance.scene_from_object, mesh.vertices, mesh.indices,
+                is_mirrored(instance.scene_from_object), origin, data);
+}
+
+/// A stretch of made indices, with the vertices that it uses alone.
+struct Stretch {
+  std::span<const HeddleVertex> vertices;
+  std::vector<std::uint32_t> indices;
+};
+
+Stretch stretch_of(const MadeContents& made, std::uint32_t first, std::uint32_t count, std::int32_t vertex_offset) {
+  Stretch stretch;
+  if (count == 0 || std::uint64_t{first} + count > made.indices.size()) return stretch;
+  const auto indices = made.indices.subspan(first, count);
+  const auto [low, high] = std::minmax_element(indices.begin(), indices.end());
+  const std::int64_t begin = std::int64_t{*low} + vertex_offset, end = std::int64_t{*high} + vertex_offset + 1;
+  // Where a command reaches out of the buffers, drawing has no triangle either.
+  if (begin < 0 || end > static_cast<std::int64_t>(made.vertices.size())) return stretch;
+  stretch.vertices = made.vertices.subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(end - begin));
+  for (const std::uint32_t index : indices) stretch.indices.push_back(index - *low);
+  return stretch;
+}
+
+void add_made(const Scene& scene, const MadeContents& made, std::span<const std::uint8_t> is_gone,
+              const glm::dvec3& frame_origin, const glm::dvec3& origin, SnapshotData& data) {
+  for (const MadeBatch& batch : made.surfaces->batches) {
+    const heddle_batch& record = batch.record;
+    if (record.material >= scene.materials.size()) continue;
+    if (batch.is_placed_by_scene()) {
+      const Stretch stretch = stretch_of(made, record.first_index, record.index_count, record.vertex_offset);
+      for (const std::uint32_t instance : batch.placed) {
+        if (instance >= scene.instances.size() || is_gone[instance] != 0) continue;
+        const glm::dmat4& matrix = scene.instances[instance].scene_from_object;
+        add_triangles(scene, record.material, matrix, stretch.vertices, stretch.indices, is_mirrored(matrix), origin,
+                      data);
+      }
+      continue;
+    }
+    const std::size_t first = std::min<std::size_t>(record.first_command, made.commands.size());
+    for (const auto& command :
+         made.commands.subspan(first, std::min<std::size_t>(record.command_count, made.commands.size() - first))) {
+      const Stretch stretch = stretch_of(made, command.firstIndex, command.indexCount, command.vertexOffset);
+      for (std::uint64_t i = command.firstInstance; i < std::uint64_t{command.firstInstance} + command.instanceCount;
+           ++i) {
+        if (i >= made.instances.size()) break;
+        glm::dmat4 matrix(1.0);
+        for (int k = 0; k < 16; ++k) matrix[k / 4][k % 4] = static_cast<double>(made.instances[i].rel_from_object[k]);
+        matrix[3] += glm::dvec4(frame_origin, 0.0);
+        add_triangles(scene, record.material, matrix, stretch.vertices, stretch.indices, record.is_flipped != 0, origin,
+                      data);
+      }
+    }
   }
 }
 
@@ -159,19 +224,43 @@ void add_instance(const Scene& scene, const Instance& instance, const glm::dvec3
 struct Snapshot::State : SnapshotData {};
 
 const heddle_snapshot& Snapshot::update(const Scene& scene) {
-  if (state_ && state_->content_revision == scene.content_revision &&
-      state_->motion_revision == scene.motion_revision) {
-    return state_->record;
+  return update(scene, true, {}, glm::dvec3(0.0));
+}
+
+bool Snapshot::is_of(const Scene& scene, bool holds_scene, std::span<const MadeSurfaces* const> made,
+                     const glm::dvec3& origin) const {
+  if (!state_ || state_->content_revision != scene.content_revision ||
+      state_->motion_revision != scene.motion_revision || state_->holds_scene != holds_scene) {
+    return false;
   }
+  bool has_own_places = false;
+  for (const MadeSurfaces* surfaces : made) has_own_places |= surfaces->has_own_places();
+  return std::equal(
+             made.begin(), made.end(), state_->made_revisions.begin(), state_->made_revisions.end(),
+             [](const MadeSurfaces* surfaces, std::uint64_t revision) { return surfaces->revision == revision; }) &&
+         (!has_own_places || state_->made_origin == origin);
+}
+
+const heddle_snapshot& Snapshot::update(const Scene& scene, bool holds_scene, std::span<const MadeContents> made,
+                                        const glm::dvec3& frame_origin) {
+  std::vector<const MadeSurfaces*> surfaces;
+  for (const MadeContents& contents : made) surfaces.push_back(contents.surfaces);
+  if (is_of(scene, holds_scene, surfaces, frame_origin)) return state_->record;
+  // What a later technique places is gone from all that is beneath it.
+  std::vector<std::uint8_t> is_gone(scene.instances.size(), 0), is_placed(scene.instances.size(), 0);
+  for (const MadeContents& contents : made) mark_placed(*contents.surfaces, is_placed);
   std::size_t vertices = 0, triangles = 0;
-  for (const Instance& instance : scene.instances) {
-    vertices += scene.meshes.at(instance.mesh).vertices.size();
-    triangles += scene.meshes.at(instance.mesh).indices.size() / 3;
-  }
-  if (std::max(vertices, triangles) > std::numeric_limits<std::uint32_t>::max()) {
+  const auto check_size = [&] {
+    if (std::max(vertices, triangles) <= std::numeric_limits<std::uint32_t>::max()) return;
     throw Error(HEDDLE_UNSUPPORTED, fmt::format("a snapshot of {} vertices and {} triangles is too large: at most 2^32",
                                                 vertices, triangles));
+  };
+  for (std::size_t i = 0; i < scene.instances.size() && holds_scene; ++i) {
+    if (is_placed[i] != 0) continue;
+    vertices += scene.meshes.at(scene.instances[i].mesh).vertices.size();
+    triangles += scene.meshes.at(scene.instances[i].mesh).indices.size() / 3;
   }
+  check_size();
   auto state = std::make_shared<State>();
   SnapshotData& data = *state;
   data.positions.reserve(vertices * 3);
@@ -187,14 +276,24 @@ const heddle_snapshot& Snapshot::update(const Scene& scene) {
   }
   const std::array<glm::dvec3, 2> bounds = scene.bounds();
   const glm::dvec3 origin = 0.5 * (bounds[0] + bounds[1]);
-  for (const Instance& instance : scene.instances) {
-    add_instance(scene, instance, origin, data);
+  for (const MadeContents& contents : made) {
+    add_made(scene, contents, is_gone, frame_origin, origin, data);
+    mark_placed(*contents.surfaces, is_gone);
   }
+  for (std::size_t i = 0; i < scene.instances.size() && holds_scene; ++i) {
+    if (is_gone[i] == 0) add_instance(scene, scene.instances[i], origin, data);
+  }
+  vertices = data.positions.size() / 3;
+  triangles = data.indices.size() / 3;
+  check_size();
   if (std::none_of(data.looks.begin(), data.looks.end(), [](const AlphaLook& look) { return look.uv_set == 1; })) {
     data.uv1 = {};
   }
   data.content_revision = scene.content_revision;
   data.motion_revision = scene.motion_revision;
+  data.holds_scene = holds_scene;
+  for (const MadeSurfaces* one : surfaces) data.made_revisions.push_back(one->revision);
+  data.made_origin = frame_origin;
   data.record.struct_size = sizeof data.record;
   data.record.vertex_count = static_cast<std::uint32_t>(vertices);
   data.record.triangle_count = static_cast<std::uint32_t>(triangles);
@@ -209,6 +308,10 @@ const heddle_snapshot& Snapshot::update(const Scene& scene) {
   data.record.materials = data.materials.data();
   data.record.flags = data.flags.data();
   state_ = std::move(state);
+  return state_->record;
+}
+
+const heddle_snapshot& Snapshot::record() const {
   return state_->record;
 }
 

@@ -5,10 +5,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <map>
 #include <tuple>
 #include <utility>
 
+#include "scene/light_texture.hpp"
 #include "scene/texture_groups.hpp"
 
 namespace heddle::scene {
@@ -33,10 +33,10 @@ bool is_mirrored(const Instance& instance) {
   return glm::determinant(glm::dmat3(instance.scene_from_object)) < 0;
 }
 
-/// Fills a buffer, made anew if it does not fit exactly: sizes change only with the content.
+/// Fills a buffer, made anew if it does not fit exactly: sizes change only with content and order.
 template <typename Element>
-void fill(vulkan::Device& device, vulkan::Buffer& buffer, const std::vector<Element>& elements,
-          VkBufferUsageFlags usage) {
+void fill(vulkan::Device& device, const SceneBuffers::Upload& upload, vulkan::Buffer& buffer,
+          const std::vector<Element>& elements, VkBufferUsageFlags usage) {
   const std::span<const std::byte> bytes = std::as_bytes(std::span(elements));
   const std::size_t size = std::max(bytes.size(), kMinimumBytes);
   if (!buffer || buffer.size() != size) {
@@ -46,13 +46,60 @@ void fill(vulkan::Device& device, vulkan::Buffer& buffer, const std::vector<Elem
   if (bytes.size() < kMinimumBytes) {
     std::array<std::byte, kMinimumBytes> padded{};
     std::copy(bytes.begin(), bytes.end(), padded.begin());
-    device.upload(buffer, 0, padded);
+    upload(buffer, 0, padded);
   } else {
-    device.upload(buffer, 0, bytes);
+    upload(buffer, 0, bytes);
   }
 }
 
 }  // namespace
+
+GroupedDraws group_draws(std::vector<DrawKey> keys,
+                         const std::function<VkDrawIndexedIndirectCommand(std::uint32_t)>& geometry) {
+  const auto state = [](const DrawKey& key) { return std::tie(key.flags, key.flip, key.texture_group); };
+  // Opaque before masked before blended: depth is filled before anything is tested texel by texel.
+  constexpr std::uint32_t kClasses = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_BLENDED;
+  std::sort(keys.begin(), keys.end(), [&](const DrawKey& a, const DrawKey& b) {
+    return std::tuple(a.flags & kClasses, state(a), a.geometry, a.instance) <
+           std::tuple(b.flags & kClasses, state(b), b.geometry, b.instance);
+  });
+  GroupedDraws draws;
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    const DrawKey& key = keys[i];
+    const auto slot = static_cast<std::uint32_t>(i);
+    const bool is_same_state = i > 0 && state(keys[i - 1]) == state(key);
+    if (!is_same_state) {
+      draws.groups.push_back(
+          {key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(draws.commands.size()), 0, slot, 0});
+    }
+    ++draws.groups.back().instance_count;
+    if (is_same_state && keys[i - 1].geometry == key.geometry) {
+      ++draws.commands.back().instanceCount;
+    } else {
+      draws.commands.push_back(geometry(key.geometry));
+      draws.commands.back().instanceCount = 1;
+      draws.commands.back().firstInstance = slot;
+      draws.geometries.push_back(key.geometry);
+      ++draws.groups.back().command_count;
+    }
+    draws.order.push_back(key.instance);
+  }
+  return draws;
+}
+
+HeddleInstance place(const Scene& scene, std::uint32_t instance, const glm::dvec3& origin, std::uint32_t material,
+                     std::uint32_t previous_vertex) {
+  const Instance& placed = scene.instances[instance];
+  HeddleInstance record{};
+  store(placed.scene_from_object, origin, record.rel_from_object);
+  store(placed.previous_scene_from_object, origin, record.previous_rel_from_object);
+  record.material = material;
+  record.object = instance;
+  record.flags = surface_flags(scene.materials.at(material).record);
+  record.flip = is_mirrored(placed) ? 1 : 0;
+  record.previous_vertex = previous_vertex;
+  return record;
+}
 
 struct SceneBuffers::State {
   State(vulkan::Device& used, VkDescriptorSetLayout layout) : device(used), textures(used, layout) {}
@@ -60,23 +107,24 @@ struct SceneBuffers::State {
   vulkan::Device& device;
   TextureGroups textures;
   vulkan::Buffer vertices, indices, instances, materials, commands;
-  std::vector<DrawGroup> groups;
   std::vector<MeshRange> meshes;
-  std::vector<std::uint32_t> bending;  // meshes with two shapes
-  std::vector<VkDrawIndexedIndirectCommand> command_list;
-  std::vector<std::uint32_t> command_meshes;
-  std::vector<std::uint32_t> order;     // scene's instances in draw order
+  std::vector<std::uint32_t> bending;   // meshes with two shapes
+  GroupedDraws draws;                   // geometries: meshes
   InstanceBoxes boxes;                  // in draw order
   std::vector<std::uint8_t> flips;      // by scene's instance
+  std::vector<Look> looks;              // by scene's instance
   std::vector<HeddleMaterial> records;  // as uploaded
   std::uint64_t content_revision = 0, motion_revision = 0;
   glm::dvec3 origin{0.0};
+  Upload upload;  // of the update that runs
 
+  [[nodiscard]] bool is_turned(const Scene& scene) const;
   void upload_meshes(const Scene& scene);
   void upload_shapes(const Scene& scene);
   void upload_materials(const Scene& scene);
   void sort_draws(const Scene& scene);
   void upload_instances(const Scene& scene);
+  void find_looks(const Scene& scene);
 };
 
 void SceneBuffers::State::upload_meshes(const Scene& scene) {
@@ -105,8 +153,8 @@ void SceneBuffers::State::upload_meshes(const Scene& scene) {
     throw Error(HEDDLE_UNSUPPORTED, fmt::format("the scene has {} vertices and {} indices, more than a draw can reach",
                                                 all_vertices.size(), all_indices.size()));
   }
-  fill(device, vertices, all_vertices, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
-  fill(device, indices, all_indices, VK_BUFFER_USAGE_INDEX_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  fill(device, upload, vertices, all_vertices, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT | VK_BUFFER_USAGE_VERTEX_BUFFER_BIT);
+  fill(device, upload, indices, all_indices, VK_BUFFER_USAGE_INDEX_BUFFER_BIT | VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
 }
 
 /// Brings this frame's and the last one's shapes of what bends to the device, each once, and lets the draws use them.
@@ -123,8 +171,8 @@ void SceneBuffers::State::upload_shapes(const Scene& scene) {
       }
       const std::size_t slot = 1 - kept;
       range.shapes[slot] = 0;  // of nothing, if the upload fails
-      device.upload(vertices, static_cast<std::uint64_t>(range.vertex_offsets[slot]) * sizeof(HeddleVertex),
-                    std::as_bytes(std::span(shape_vertices)));
+      upload(vertices, static_cast<std::uint64_t>(range.vertex_offsets[slot]) * sizeof(HeddleVertex),
+             std::as_bytes(std::span(shape_vertices)));
       range.shapes[slot] = shape;
       return slot;
     };
@@ -140,10 +188,10 @@ void SceneBuffers::State::upload_shapes(const Scene& scene) {
   if (!is_switched) {
     return;
   }
-  for (std::size_t i = 0; i < command_list.size(); ++i) {
-    command_list[i].vertexOffset = meshes[command_meshes[i]].vertex_offset();
+  for (std::size_t i = 0; i < draws.commands.size(); ++i) {
+    draws.commands[i].vertexOffset = meshes[draws.geometries[i]].vertex_offset();
   }
-  fill(device, commands, command_list, kCommandUsage);
+  fill(device, upload, commands, draws.commands, kCommandUsage);
 }
 
 void SceneBuffers::State::upload_materials(const Scene& scene) {
@@ -163,80 +211,50 @@ void SceneBuffers::State::upload_materials(const Scene& scene) {
     record.id = static_cast<std::uint32_t>(i);
     records.push_back(record);
   }
-  fill(device, materials, records, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  fill(device, upload, materials, records, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
 }
 
-/// Instances sorted by what draws must differ in; equal meshes side by side become one command, equal state one group.
 void SceneBuffers::State::sort_draws(const Scene& scene) {
-  struct Key {
-    std::uint32_t flags = 0, flip = 0, texture_group = 0, mesh = 0, instance = 0;
-    [[nodiscard]] auto state() const { return std::tie(flags, flip, texture_group); }
-    [[nodiscard]] auto all() const { return std::tie(flags, flip, texture_group, mesh, instance); }
-  };
   flips.assign(scene.instances.size(), 0);
-  std::vector<Key> keys;
-  for (std::size_t i = 0; i < scene.instances.size(); ++i) {
+  std::vector<DrawKey> keys;
+  for (std::uint32_t i = 0; i < scene.instances.size(); ++i) {
     const Instance& instance = scene.instances[i];
     flips[i] = is_mirrored(instance) ? 1 : 0;
-    if (meshes.at(instance.mesh).index_count == 0) {
-      continue;
-    }
+    if (meshes.at(instance.mesh).index_count == 0) continue;
     const HeddleMaterial& material = records.at(scene.meshes[instance.mesh].material);
-    keys.push_back(
-        {surface_flags(material), flips[i], material.texture_group, instance.mesh, static_cast<std::uint32_t>(i)});
+    keys.push_back({surface_flags(material), flips[i], material.texture_group, instance.mesh, i});
   }
-  // Opaque before masked before blended: depth is filled before anything is tested texel by texel.
-  constexpr std::uint32_t kClasses = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED | HEDDLE_SURFACE_BLENDED;
-  std::sort(keys.begin(), keys.end(), [](const Key& a, const Key& b) {
-    return std::pair(a.flags & kClasses, a.all()) < std::pair(b.flags & kClasses, b.all());
+  draws = group_draws(std::move(keys), [&](std::uint32_t mesh) {
+    return VkDrawIndexedIndirectCommand{meshes[mesh].index_count, 0, meshes[mesh].first_index,
+                                        meshes[mesh].vertex_offset(), 0};
   });
-
-  groups.clear();
-  order.clear();
-  command_list.clear();
-  command_meshes.clear();
-  for (std::size_t i = 0; i < keys.size(); ++i) {
-    const Key& key = keys[i];
-    const bool same_state = i > 0 && keys[i - 1].state() == key.state();
-    if (!same_state) {
-      groups.push_back({key.flags, key.texture_group, key.flip != 0, static_cast<std::uint32_t>(command_list.size()), 0,
-                        static_cast<std::uint32_t>(i), 0});
-    }
-    ++groups.back().instance_count;
-    if (same_state && keys[i - 1].mesh == key.mesh) {
-      ++command_list.back().instanceCount;
-    } else {
-      const MeshRange& range = meshes[key.mesh];
-      command_list.push_back(
-          {range.index_count, 1, range.first_index, range.vertex_offset(), static_cast<std::uint32_t>(i)});
-      command_meshes.push_back(key.mesh);
-      ++groups.back().command_count;
-    }
-    order.push_back(key.instance);
-  }
-  fill(device, commands, command_list, kCommandUsage);
+  fill(device, upload, commands, draws.commands, kCommandUsage);
 }
 
 void SceneBuffers::State::upload_instances(const Scene& scene) {
   std::vector<HeddleInstance> list;
   std::vector<Box> list_boxes;
-  list.reserve(order.size());
-  list_boxes.reserve(order.size());
-  for (const std::uint32_t index : order) {
-    const Instance& instance = scene.instances[index];
-    HeddleInstance record{};
-    store(instance.scene_from_object, origin, record.rel_from_object);
-    store(instance.previous_scene_from_object, origin, record.previous_rel_from_object);
-    record.material = scene.meshes[instance.mesh].material;
-    record.object = index;
-    record.flags = surface_flags(records[record.material]);
-    record.flip = flips[index];
-    record.previous_vertex = meshes[instance.mesh].steps_to_previous();
-    list.push_back(record);
-    list_boxes.push_back(bounding_box(scene.meshes[instance.mesh].bounds, record));
+  list.reserve(draws.order.size());
+  list_boxes.reserve(draws.order.size());
+  for (const std::uint32_t index : draws.order) {
+    const std::uint32_t mesh = scene.instances[index].mesh;
+    list.push_back(place(scene, index, origin, scene.meshes[mesh].material, meshes[mesh].steps_to_previous()));
+    list_boxes.push_back(bounding_box(scene.meshes[mesh].bounds, list.back()));
   }
   boxes.assign(std::move(list_boxes));
-  fill(device, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+  fill(device, upload, instances, list, VK_BUFFER_USAGE_STORAGE_BUFFER_BIT);
+}
+
+void SceneBuffers::State::find_looks(const Scene& scene) {
+  looks.clear();
+  for (const Instance& instance : scene.instances) {
+    Look look;
+    look.add(instance.mesh);
+    look.add(scene.meshes.at(instance.mesh).shape);
+    for (int column = 0; column < 4; ++column)
+      for (int row = 0; row < 4; ++row) look.add(std::bit_cast<std::uint64_t>(instance.scene_from_object[column][row]));
+    looks.push_back(look);
+  }
 }
 
 SceneBuffers::SceneBuffers(vulkan::Device& device, VkDescriptorSetLayout materials_layout)
@@ -244,12 +262,35 @@ SceneBuffers::SceneBuffers(vulkan::Device& device, VkDescriptorSetLayout materia
 
 SceneBuffers::~SceneBuffers() = default;
 
-void SceneBuffers::update(const Scene& scene, const glm::dvec3& origin) {
+/// An instance was mirrored, or is no longer: draws are sorted by it.
+bool SceneBuffers::State::is_turned(const Scene& scene) const {
+  for (std::size_t i = 0; i < scene.instances.size(); ++i)
+    if (is_mirrored(scene.instances[i]) != (flips[i] != 0)) return true;
+  return false;
+}
+
+bool SceneBuffers::update_remakes(const Scene& scene) const {
+  if (state_->content_revision != scene.content_revision) return true;
+  return state_->motion_revision != scene.motion_revision && state_->is_turned(scene);
+}
+
+void SceneBuffers::forget() {
+  state_->content_revision = 0;
+}
+
+void SceneBuffers::update(const Scene& scene, const glm::dvec3& origin, const Upload& upload) {
   State& state = *state_;
   const bool is_new = state.content_revision != scene.content_revision;
   const bool has_moved = is_new || state.motion_revision != scene.motion_revision;
   if (!has_moved && state.origin == origin) {
     return;
+  }
+  const bool is_remade = update_remakes(scene);
+  if (is_remade || !upload) {
+    state.upload = [&device = state.device](const vulkan::Buffer& target, std::uint64_t offset,
+                                            std::span<const std::byte> bytes) { device.upload(target, offset, bytes); };
+  } else {
+    state.upload = upload;
   }
   // Until all is done the buffers belong to no revision: after an error half way, the next call starts over.
   state.content_revision = 0;
@@ -261,14 +302,13 @@ void SceneBuffers::update(const Scene& scene, const glm::dvec3& origin) {
   if (has_moved) {
     state.upload_shapes(scene);
   }
-  bool is_turned = is_new;
-  for (std::size_t i = 0; has_moved && !is_turned && i < scene.instances.size(); ++i) {
-    is_turned = is_mirrored(scene.instances[i]) != (state.flips[i] != 0);
-  }
-  if (is_turned) {
+  if (is_remade) {
     state.sort_draws(scene);
   }
   state.upload_instances(scene);
+  if (has_moved) {
+    state.find_looks(scene);
+  }
   state.content_revision = scene.content_revision;
   state.motion_revision = scene.motion_revision;
 }
@@ -289,17 +329,22 @@ const vulkan::Buffer& SceneBuffers::commands() const {
   return state_->commands;
 }
 std::span<const DrawGroup> SceneBuffers::groups() const {
-  return state_->groups;
+  return state_->draws.groups;
+}
+std::span<const Look> SceneBuffers::looks() const {
+  return state_->looks;
 }
 std::span<const std::uint32_t> SceneBuffers::order() const {
-  return state_->order;
+  return state_->draws.order;
 }
 const MeshRange& SceneBuffers::mesh(std::uint32_t index) const {
   return state_->meshes.at(index);
 }
-VisibleDraws SceneBuffers::visible(const DrawGroup& group, const Frustum& frustum) const {
-  return cull(std::span(state_->command_list).subspan(group.first_command, group.command_count), state_->boxes,
-              frustum);
+DrawList SceneBuffers::draws() const {
+  return {state_->draws.groups, state_->draws.commands, state_->draws.order, &state_->boxes};
+}
+std::uint32_t SceneBuffers::texture_group(std::uint32_t material) const {
+  return state_->records.at(material).texture_group;
 }
 VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
   return state_->textures.set(texture_group);
@@ -308,8 +353,10 @@ VkDescriptorSet SceneBuffers::material_set(std::uint32_t texture_group) const {
 std::vector<HeddleLight> SceneBuffers::lights(const Scene& scene, const glm::dvec3& origin) {
   std::vector<HeddleLight> lights;
   lights.reserve(scene.lights.size());
+  const std::vector<const LightTexture*> textures = light_textures(scene);
   for (const Light& light : scene.lights) {
     HeddleLight record = light.record;
+    record.texture = light_texture_number(light, textures);
     const glm::dvec3 position_rel = light.position - origin;
     for (int i = 0; i < 3; ++i) {
       record.position_rel[i] = static_cast<float>(position_rel[i]);

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in Python.
+"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in
+Python; `python3 -m heddle study ...`: experiments.
 
 A scene file defines `build(scene)`, called with an empty heddle.Scene, and if things move `update(scene, time)`.
 """
 
 import argparse
+import contextlib
 import importlib.util
 import json
 import os
@@ -15,10 +17,11 @@ import statistics
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from time import sleep, time_ns
 
-from . import Error, Graph, Host, Scene, version
+from . import Error, Graph, Host, Job, Scene, version
+from . import compare as heddle_compare
 from ._library import CANCELLED
 
 Update = Callable[[Scene, float], None]
@@ -42,19 +45,22 @@ def load_scene(scene: Scene, file: str, trusted: bool = False) -> Update:
     assert spec is not None and spec.loader is not None  # the name ends in .py
     module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        with scene_code():
+            spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:
         raise scene_error(path, "the file itself", error) from error
     if not hasattr(module, "build"):
         raise Error(2, f"{path}: error: the scene has no function build(scene)")
     try:
-        module.build(scene)
+        with scene_code():
+            module.build(scene)
     except (Exception, SystemExit) as error:
         raise scene_error(path, "build(scene)", error) from error
 
     def update(moved: Scene, time: float) -> None:
         try:
-            getattr(module, "update", stays)(moved, time)
+            with scene_code():
+                getattr(module, "update", stays)(moved, time)
         except (Exception, SystemExit) as error:
             raise scene_error(path, f"update(scene, {time:g})", error) from error
 
@@ -97,16 +103,43 @@ def scene_error(path: pathlib.Path, where: str, error: BaseException) -> Error:
     return Error(error.status if isinstance(error, Error) else 2, text)
 
 
-def write_file(file: str, text: str) -> None:
-    """Under a temporary name in the same folder, then renamed: the file is whole or not there."""
+def write_file(file: str, contents: str | bytes) -> None:
+    """Under a temporary name in the same folder, which is made, then renamed: the file is whole or not there."""
     path = pathlib.Path(file)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        pass  # writing says so
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
     try:
-        partial.write_text(text)
+        partial.write_bytes(contents.encode() if isinstance(contents, str) else contents)
         partial.replace(path)
     except OSError as error:
         partial.unlink(missing_ok=True)
         raise Error(4, f"error: cannot write '{file}'") from error
+
+
+class Stopped(BaseException):
+    """A signal came while a scene's own code ran, which nobody else can end."""
+
+
+_is_in_scene_code = False
+
+
+@contextlib.contextmanager
+def scene_code() -> Iterator[None]:
+    """The body is a scene's own code: a signal stops it where it is, as Stopped."""
+    global _is_in_scene_code
+    _is_in_scene_code = True
+    try:
+        yield
+    finally:
+        _is_in_scene_code = False
+
+
+def on_signal(*_: object) -> None:
+    if _is_in_scene_code:
+        raise Stopped
 
 
 STOPPED = 130  # exit status: 128 + SIGINT, as shells have it; also for SIGTERM
@@ -119,12 +152,13 @@ def open_host(arguments: argparse.Namespace, check: bool = False) -> Host:
     # As the command does: information too, such as how far long work has come.
     log = None if arguments.quiet else lambda _severity, text: print(text, file=sys.stderr)
     _host = Host(arguments.device, arguments.validation, arguments.plugins, log=log, check=check,
-                 remake=getattr(arguments, "remake", False))
+                 remake=getattr(arguments, "remake", False), live=getattr(arguments, "live", False))
     return _host
 
 
 def stop_on_signals() -> None:
-    """The first SIGINT or SIGTERM stops the work where nothing is half done; the second ends the process at once.
+    """The first SIGINT or SIGTERM stops the work where nothing is half done, and a scene's own code where it is; the
+    second ends the process at once.
 
     Python's own handlers wait for a call of the library to return; the byte of set_wakeup_fd comes at once.
     """
@@ -133,7 +167,7 @@ def stop_on_signals() -> None:
     signal.set_wakeup_fd(write, warn_on_full_buffer=False)
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) != signal.SIG_IGN:
-            signal.signal(number, lambda *_: None)
+            signal.signal(number, on_signal)
 
     def listen() -> None:
         global _is_asked
@@ -170,8 +204,9 @@ def load_all(host: Host, scene: Scene, file: str | None,
     for overlay in arguments.overlay:
         scene.load(overlay, arguments.trust_files)
     if arguments.environment is not None:
-        scene.set_environment(host.read_image(arguments.environment), arguments.environment_scale,
-                              arguments.environment_rotation)
+        scale, rotation = arguments.environment_scale, arguments.environment_rotation
+        scene.set_environment(host.read_image(arguments.environment), 1.0 if scale is None else scale,
+                              0.0 if rotation is None else rotation)
     return update
 
 
@@ -223,19 +258,78 @@ def times_of(frame_ms: list[float]) -> dict:
 def run(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
     graph_file = graph_file or default_graph(arguments)
-    if arguments.check:  # what a frame leaves to the next one comes round in the third
-        arguments.frames = max(arguments.frames, 3)
-    with open_host(arguments, arguments.check) as host, host.graph(graph_file, arguments.set) as graph:
+    with open_host(arguments, arguments.check) as host, host._weave(graph_file, arguments.set) as graph:
+        if isinstance(graph, Job):
+            return run_job(arguments, host, graph, scene_file)
+
+        def render(scene: Scene, update: Update) -> None:
+            render_frames(arguments, host, graph, scene, update, outputs)
+
+        if arguments.check:  # what a frame leaves to the next one comes round in the third
+            arguments.frames = max(arguments.frames, 3)
         outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or ["heddle.png"]]
         for port, _ in outputs:
             if port is not None:
                 graph.keep(port)
         if arguments.watch:
-            watch(arguments, host, graph, scene_file, outputs)
+            watch(arguments, host, graph, scene_file, render)
         else:
-            scene, update = make_scene(arguments, host, scene_file)
-            render_frames(arguments, host, graph, scene, update, outputs)
+            render(*make_scene(arguments, host, scene_file))
     return 0
+
+
+def run_job(arguments: argparse.Namespace, host: Host, job: Job, scene_file: str | None) -> int:
+    """What the job leaves, its outputs and reports. Answers 1 if a report has an error."""
+    if arguments.profile or arguments.frames != 1:
+        raise Error(2, f"error: {'--profile' if arguments.profile else '--frames'} is for graphs of frames, and "
+                       f"'{job.describe()['file']}' is a job: it runs once")
+    description = job.describe()
+    types = {port["name"]: port["type"] for port in description["ports"]}
+    left = [name for name, type in types.items() if type in ("artifact", "report") and "#" not in name]
+    outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or []]
+    for output in outputs:
+        output[0] = output[0] or description["output"] or (left[0] if len(left) == 1 else None)
+        if output[0] is None:
+            raise Error(2, f"error: the job leaves {len(left)} things, and --output names none of them\n"
+                           f"  expected: PASS.PORT=FILE with one of {', '.join(left)}")
+        if types.get(output[0]) not in ("artifact", "report"):
+            job.keep(output[0])
+    if arguments.watch:
+        watch(arguments, host, job, scene_file,
+              lambda scene, update: make_outputs(arguments, host, job, types, outputs, scene, update))
+    return make_outputs(arguments, host, job, types, outputs, *make_scene(arguments, host, scene_file))
+
+
+def make_outputs(arguments: argparse.Namespace, host: Host, job: Job, types: dict[str, str], outputs: list[list], scene: Scene,
+                 update: Update) -> int:
+    """Runs the job, writes its outputs and says what it left. Answers the exit status."""
+    update(scene, arguments.time)
+    result = job.run(scene, arguments.time, arguments.seed)
+    reports = {report["name"]: report["rows"] for report in result["reports"]}
+    for port, file in outputs:
+        stop_if_asked()
+        pathlib.Path(file).parent.mkdir(parents=True, exist_ok=True)
+        if port in reports:
+            write_file(file, json.dumps(reports[port], indent=2) + "\n")
+        elif types[port] == "artifact":
+            write_file(file, job.artifact(port))
+        else:
+            host.write_image(file, job.read(port))
+        say(arguments, f"wrote {file}")
+    for name, rows in reports.items():
+        for row in rows:
+            values = ", ".join(f"{key} {value if isinstance(value, str) else json.dumps(value)}"
+                               for key, value in row["values"].items())
+            print(f"{name}: {row['level']}: {row['message']}" + (f" ({values})" if values else ""))
+    if arguments.stats == "-":
+        print(json.dumps(result, indent=2))
+    elif arguments.stats:
+        write_file(arguments.stats, json.dumps(result, indent=2) + "\n")
+    for artifact in result["artifacts"]:
+        origin = "from the cache" if artifact["origin"] == "cache" else "made"
+        say(arguments, f"artifact '{artifact['name']}': {origin}, {artifact['bytes'] / 2**20:.1f} MiB, "
+                       f"{artifact['file'] or 'kept nowhere'}")
+    return 1 if result["errors"] else 0
 
 
 def make_scene(arguments: argparse.Namespace, host: Host, file: str | None) -> tuple[Scene, Update]:
@@ -286,10 +380,19 @@ def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene
         is_complete = loop["done"] == loop["total"]
         say(arguments, f"loop of pass '{loop['pass']}': {loop['done']} of {loop['total']} iterations" +
             ("" if is_complete else "; more --frames go on where nothing changes, as with --time-step 0"))
+    for artifact in stats["artifacts"]:
+        name = (f"'{artifact['job']}#{artifact['pass']}.{artifact['port']}'" if "job" in artifact
+                else f"of pass '{artifact['pass']}', {artifact['stage']}")
+        say(arguments, f"artifact {name}: {'from the cache' if artifact['origin'] == 'cache' else 'made'}, "
+                       f"{artifact['bytes'] / 2**20:.1f} MiB")
     memory = stats["memory"]
-    say(arguments, f"frame {arguments.frames} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms; transient memory "
+    say(arguments, f"frame {arguments.frames - 1} on {stats['device']['name']}: {stats['wall_ms']:.1f} ms; transient memory "
                    f"{memory['transient_bytes'] / 2**20:.1f} MiB "
                    f"({memory['transient_bytes_without_aliasing'] / 2**20:.1f} MiB without aliasing)")
+    if arguments.live:
+        total = stats["late"]["total"]
+        say(arguments, f"live: {total['stale']} of {total['reads']} late reads were stale; the host waited for the GPU "
+                       f"{total['waits']} times")
     if len(frame_ms) > 1:
         say(arguments, "{frames} frames: first {first_ms:.1f} ms; then median {median_ms:.1f} ms "
                        "({minimum_ms:.1f} to {maximum_ms:.1f})".format(**stats["run"]))
@@ -298,7 +401,8 @@ def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene
                        "{passes_kept} and {pipelines_kept} kept".format(**stats["plan"]))
 
 
-def watch(arguments: argparse.Namespace, host: Host, graph: Graph, scene_file: str | None, outputs: list[list]) -> None:
+def watch(arguments: argparse.Namespace, host: Host, graph: Graph | Job, scene_file: str | None,
+          render: Callable[[Scene, Update], object]) -> None:
     """Renders, and again whenever a file changes that the picture was made of, until it is stopped. What fails is said,
     and what was written before stays."""
     made: tuple[Scene, Update] | None = None
@@ -320,7 +424,7 @@ def watch(arguments: argparse.Namespace, host: Host, graph: Graph, scene_file: s
                 graph.reload()
                 is_graph_due = False
             assert made is not None  # is_scene_due began true
-            render_frames(arguments, host, graph, *made, outputs)
+            render(*made)
             graph_files = set(graph.files())
             scene_files |= set(made[0].files()) | imported_files(scene_file)
         except Error as error:
@@ -379,8 +483,25 @@ def check(arguments: argparse.Namespace) -> int:
             load_all(host, scene, scene_file, arguments)(scene, arguments.time)
             use_camera(scene, arguments.camera)
             report = graph.check(scene, max(arguments.frames, 3), arguments.time, 0.0, arguments.seed)
-            print(json.dumps(report, indent=2))
+            print(json.dumps(report, indent=2) if arguments.json else check_text(report))
     return 0
+
+
+def check_text(report: dict) -> str:
+    """As the command prints it for other scenes."""
+    poisons, lists, overflowed = ", ".join(report["poisons"]), ", ".join(report["lists"]), report["overflowed"]
+    rows = [f"{report['runs']} runs of {report['frames']} frames, nothing found",
+            "  hazards  every read-after-write, write-after-read, write-after-write and layout is covered",
+            "  numbers  no pass makes NaN, nor Inf or values out of range where its role forbids them",
+            f"  orders   {report['orders']}; of {report['unordered_pairs']} pairs of stages that nothing puts in order, "
+            f"{report['seen_both_ways']} were seen both ways",
+            "  memory   " + (f"filled before its first and after its last use with {poisons}" if poisons else
+                             "left as it is: on this device nobody can fill the bytes of an image")]
+    if lists:
+        rows.append(f"  lists    {lists}: what a stage appends was seen in two orders" +
+                    (f"; {overflowed} of {report['frames']} frames are not compared, a list had no room in them"
+                     if overflowed else ""))
+    return "\n".join([*rows, f"  bytes    {', '.join(report['compared'])} agree in all runs"])
 
 
 def explain(arguments: argparse.Namespace) -> int:
@@ -455,12 +576,12 @@ def compare(arguments: argparse.Namespace) -> int:
                     host.write_image(folder / f"{pass_name}_{name}_port.png", image)
                     print(f"wrote {folder / f'{pass_name}_{name}_port.png'}")
             difference = folder / f"{pass_name}_difference.png"
-            metrics = host.compare(images[0], images[1], difference)
+            host.compare(images[0], images[1], difference)
             print(f"wrote {difference}")
             print(f"{arguments.port or 'output'}: {names[0]} against {names[1]}")
-            for key, formula in METRICS.items():
-                value = metrics[key]
-                print(f"  {key:<16} {'infinite' if value is None else format(value, '.6g'):>12}   {formula}")
+            for key, metric in heddle_compare(images[0], images[1], arguments.metric or None).items():
+                value = metric["value"]
+                print(f"  {key:<16} {'infinite' if value is None else format(value, '.6g'):>12}   {metric['formula']}")
             print(f"median frame time of {arguments.repeats} interleaved frames each:")
             for name, values in zip(names, times):
                 print(f"  {name:<16} {statistics.median(values):10.2f} ms   ({min(values):.2f} to {max(values):.2f})")
@@ -470,11 +591,10 @@ def compare(arguments: argparse.Namespace) -> int:
     return 0
 
 
-METRICS = {
-    "rmse": "sqrt(mean (a-b)^2)", "mse": "mean (a-b)^2", "relmse": "mean (a-b)^2 / (b^2 + 0.01)",
-    "psnr": "10 log10(1 / mse), dB", "mean_difference": "mean (a-b)", "maximum": "max |a-b|",
-    "percentile_99": "99th percentile of |a-b|",
-}
+def study(arguments: argparse.Namespace) -> int:
+    from .study_run import run_study
+
+    return run_study(arguments, stop_if_asked)
 
 
 def say(arguments: argparse.Namespace, text: str) -> None:
@@ -500,8 +620,8 @@ def main() -> int:
         command.add_argument("--camera", help="name or number of a camera")
         command.add_argument("--environment", help="equirectangular image that lights the scene; without a graph: the "
                                                    "graph 'environment'")
-        command.add_argument("--environment-scale", type=float, default=1.0, help="cd/m^2 of the image's 1")
-        command.add_argument("--environment-rotation", type=float, default=0.0, help="radians about the vertical axis")
+        command.add_argument("--environment-scale", type=float, help="cd/m^2 of the image's 1 (default: 1)")
+        command.add_argument("--environment-rotation", type=float, help="radians about the vertical axis (default: 0)")
         command.add_argument("--set", action="append", default=[], help="change the graph: ao.technique=gtao")
         command.add_argument("--device", help="part of a device's name, or its index")
         command.add_argument("--plugins", help="folders with plugins, separated by ':'")
@@ -519,16 +639,19 @@ def main() -> int:
             command.add_argument("--profile", action="store_true")
             command.add_argument("--watch", action="store_true",
                                  help="stay, and render again when a file changes that the picture was made of")
+            command.add_argument("--live", action="store_true",
+                                 help="wait for no frame before the next one; bytes may differ from run to run")
             command.add_argument("--remake", action="store_true", help="make artifacts that the cache holds again")
             command.add_argument("--check", action="store_true",
                                  help="prove barriers and search outputs for NaN, Inf and values out of range")
         elif name == "check":
             command.add_argument("--port", action="append", default=[], help="compare this port too, PASS.PORT")
             command.add_argument("--frames", type=int, default=3)
-            command.add_argument("--json", action="store_true", help="always so here")
+            command.add_argument("--json", action="store_true", help="print what was done as JSON")
         elif name == "explain":
             command.add_argument("--format", choices=("text", "json", "dot"), default="text")
             command.add_argument("--why", help="explain one PASS; text or json")
+            command.add_argument("--live", action="store_true", help="as heddle run --live does it")
         elif name == "inspect":
             command.add_argument("--port", action="append", default=[], help="PASS.PORT: run this pass too")
             command.add_argument("--frames", type=int, default=1)
@@ -537,9 +660,33 @@ def main() -> int:
         else:
             command.add_argument("--swap", required=True, help="PASS=A,B; B is the reference")
             command.add_argument("--port", help="compare this port, PASS.PORT, not the output")
+            command.add_argument("--metric", action="append", default=[], help="only this one, repeatable")
             command.add_argument("--folder", default="out")
             command.add_argument("--repeats", type=int, default=3)
-    arguments = parser.parse_args()
+    command = commands.add_parser("study", help="measure error and time of techniques over their knobs")
+    command.set_defaults(body=study)
+    command.add_argument("files", nargs="*", help="a study (.toml), or the name of a shipped one; with --role: scenes")
+    command.add_argument("--role", help="study all techniques of this role over all their knobs, without a file")
+    command.add_argument("--set", action="append", default=[], help="with --role: change the graph: extent=[320,180]")
+    command.add_argument("--folder", help="where results go (default: out/NAME of the study)")
+    command.add_argument("--device", help="part of a device's name, or its index")
+    command.add_argument("--rounds", type=int, help="instead of the file's: more rounds see smaller differences")
+    command.add_argument("--budget", type=float, help="minutes; a study that would take longer says so and ends before it "
+                                                      "times anything")
+    command.add_argument("--timeout", type=float, default=300, help="seconds after which a variant that does not answer "
+                                                                    "counts as hung")
+    command.add_argument("--dry-run", action="store_true", help="check the file, say what would be measured, render nothing")
+    command.add_argument("--gate", action="store_true", help="exit status 1 if anything is worse than the first variant, 2 if "
+                                                             "undecided, else 0")
+    command.add_argument("--quiet", "-q", action="store_true")
+    # Files and pixels may stand behind options too, where argparse leaves them over.
+    arguments, words = parser.parse_known_args()
+    if unknown := [word for word in words if word.startswith("-")]:
+        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    arguments.files += words
+    for option in ("environment_scale", "environment_rotation"):
+        if getattr(arguments, option) is not None and arguments.environment is None:
+            parser.error(f"--{option.replace('_', '-')} requires --environment")
     stop_on_signals()
     try:
         return arguments.body(arguments)
@@ -549,6 +696,9 @@ def main() -> int:
             return STOPPED
         print(error, file=sys.stderr)
         return error.status
+    except Stopped:
+        print("stopped", file=sys.stderr)
+        return STOPPED
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         return 130

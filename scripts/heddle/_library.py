@@ -11,10 +11,12 @@ TEXTURE_COUNT = 5
 HOST_VALIDATION = 1
 HOST_CHECK = 2
 HOST_REMAKE = 4
+HOST_LIVE = 8
 RENDER_PROFILE = 1
 RENDER_ANEW = 2
 ANIMATION_LOOP = 1
 LOAD_TRUSTED = 1
+COMPARE_MAPS = 1
 CANCELLED = 6
 OWNER_SCENE, OWNER_INSTANCE, OWNER_MATERIAL, OWNER_LIGHT = range(4)
 
@@ -31,7 +33,7 @@ class Light(Structure):
         ("intensity", c_float * 3), ("radius", c_float),
         ("tangent", c_float * 3), ("segment_length", c_float),
         ("half_extent", c_float * 3), ("flags", c_uint32),
-        ("cos_inner", c_float), ("cos_outer", c_float), ("id", c_uint32), ("reserved_", c_uint32),
+        ("cos_inner", c_float), ("cos_outer", c_float), ("id", c_uint32), ("texture", c_uint32),
     ]
 
 
@@ -77,7 +79,8 @@ class Mesh(Structure):
         ("struct_size", c_uint32), ("vertex_count", c_uint32), ("index_count", c_uint32), ("reserved", c_uint32),
         ("positions", POINTER(c_float)), ("normals", POINTER(c_float)), ("tangents", POINTER(c_float)),
         ("uv0", POINTER(c_float)), ("uv1", POINTER(c_float)), ("colors", POINTER(c_float)),
-        ("indices", POINTER(c_uint32)),
+        ("indices", POINTER(c_uint32)), ("face_count", c_uint32), ("crease_count", c_uint32),
+        ("face_sizes", POINTER(c_uint32)), ("creases", POINTER(c_uint32)), ("sharpness", POINTER(c_float)),
     ]
 
 
@@ -122,6 +125,14 @@ class RenderOptions(Structure):
     ]
 
 
+class CompareOptions(Structure):
+    _fields_ = [
+        ("struct_size", c_uint32), ("flags", c_uint32), ("metrics", c_char_p), ("pixels_per_degree", c_double),
+        ("start_exposure", c_double), ("stop_exposure", c_double), ("exposure_count", c_uint32), ("tone_mapper", c_uint32),
+        ("threads", c_uint32), ("reserved", c_uint32),
+    ]
+
+
 _TEXT = POINTER(c_char_p)
 _ID = POINTER(c_uint32)
 _MATRIX = POINTER(c_double)
@@ -149,6 +160,7 @@ PROTOTYPES = {
     "heddle_scene_add_camera": (c_int32, [c_void_p, c_char_p, POINTER(Camera), _ID]),
     "heddle_scene_set_instance": (c_int32, [c_void_p, c_uint32, _MATRIX]),
     "heddle_scene_set_light": (c_int32, [c_void_p, c_uint32, POINTER(SceneLight)]),
+    "heddle_scene_set_light_texture": (c_int32, [c_void_p, c_uint32, POINTER(Image)]),
     "heddle_scene_set_camera": (c_int32, [c_void_p, c_uint32, POINTER(Camera)]),
     "heddle_scene_set_environment": (c_int32, [c_void_p, POINTER(Environment)]),
     "heddle_scene_set_component": (c_int32, [c_void_p, c_uint32, c_uint32, c_char_p, c_char_p]),
@@ -179,9 +191,18 @@ PROTOTYPES = {
         c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), POINTER(c_uint32), c_uint32, c_char_p, _TEXT]),
     "heddle_graph_check": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), c_uint32, _TEXT]),
     "heddle_stats": (c_int32, [c_void_p, _TEXT]),
+    "heddle_job_run": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), _TEXT]),
+    "heddle_job_artifact": (c_int32, [c_void_p, c_char_p, POINTER(c_void_p), POINTER(c_uint64)]),
     "heddle_image_read": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),
     "heddle_image_write": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),
     "heddle_image_compare": (c_int32, [c_void_p, POINTER(Image), POINTER(Image), c_char_p, _TEXT]),
+    "heddle_metrics": (c_char_p, []),
+    "heddle_compare": (
+        c_int32, [POINTER(Image), POINTER(Image), POINTER(CompareOptions), POINTER(c_void_p)]),
+    "heddle_comparison_destroy": (None, [c_void_p]),
+    "heddle_comparison_describe": (c_char_p, [c_void_p]),
+    "heddle_comparison_map": (c_int32, [c_void_p, c_char_p, POINTER(Image)]),
+    "heddle_write_error_image": (c_int32, [c_void_p, c_char_p, POINTER(Image), c_double]),
 }
 
 

@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import json
 import pathlib
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, TypeVar, Union
 
 import numpy as np
@@ -36,6 +37,75 @@ class Error(RuntimeError):
 def version() -> str:
     """Version of the library, "0.1.0"."""
     return _heddle.heddle_version().decode()
+
+
+TONE_MAPPERS = ("aces", "hable", "reinhard")
+
+
+def metrics() -> list[dict]:
+    """Which metrics there are: [{"name", "formula", "better": "lower" or "higher", "map": what its error image holds}].
+    "percentile_P" stands for any number, as in percentile_99.9."""
+    return json.loads(_heddle.heddle_metrics().decode())
+
+
+def compare(a: ArrayLike, b: ArrayLike, metric: str | Sequence[str] | None = None, *, pixels_per_degree: float | None = None,
+            exposures: tuple[float, float, int] | None = None, tone_mapper: str = "aces", threads: int = 0) -> Any:
+    """Metrics of an image against a reference. No host is needed.
+
+    a, b:      (height, width, channels) or (height, width), b the reference; float32 arrays that are contiguous are read
+               where they are, others are converted
+    metric:    a name of metrics(), or several; None: all but flip and hdr_flip, which must be told how values are encoded:
+               flip takes them as encoded in sRGB, 0 to 1; hdr_flip as linear radiance
+    pixels_per_degree: of both FLIPs; None: 67.02, a display 0.7 m and 3840 pixels wide that is seen from 0.7 m
+    exposures: of hdr_flip: start, stop and count, in stops; None: from the reference (Andersson et al. 2021). Fix them
+               where several comparisons are to be comparable
+    tone_mapper: of hdr_flip: aces, hable or reinhard
+    threads:   0: one for each processor; no bit of a result depends on it
+    returns:   a float for one name (inf: psnr of equal images); else {name: {"value", "formula", "better", and what it was
+               measured with}}, an infinite value None
+    raises:    Error if shapes differ, a value is not finite (names the first such pixel), or a metric is unknown
+    """
+    described, _ = _compare(a, b, metric, False, pixels_per_degree, exposures, tone_mapper, threads)
+    if not isinstance(metric, str):
+        return described["metrics"]
+    value = described["metrics"][metric]["value"]
+    return float("inf") if value is None else float(value)
+
+
+def error_image(a: ArrayLike, b: ArrayLike, metric: str, *, pixels_per_degree: float | None = None,
+                exposures: tuple[float, float, int] | None = None, tone_mapper: str = "aces",
+                threads: int = 0) -> NDArray[np.float32]:
+    """A metric's error, pixel by pixel: float32 (height, width, channels), one channel for ssim, flip and hdr_flip;
+    metrics() says what a pixel holds. Arguments as of compare()."""
+    return _compare(a, b, metric, True, pixels_per_degree, exposures, tone_mapper, threads)[1]
+
+
+def _compare(a: ArrayLike, b: ArrayLike, metric: str | Sequence[str] | None, is_map_wanted: bool,
+             pixels_per_degree: float | None, exposures: tuple[float, float, int] | None, tone_mapper: str,
+             threads: int) -> tuple[dict, Any]:
+    image, _keep_a = _to_image(a)
+    reference, _keep_b = _to_image(b)
+    names = [metric] if isinstance(metric, str) else list(metric or [])
+    start, stop, count = exposures or (0.0, 0.0, 0)
+    if exposures is not None and not 1 <= count <= 1000:
+        raise Error(2, f"error: {count} exposures were asked for\n  expected: 1 to 1000")
+    options = c.CompareOptions(ctypes.sizeof(c.CompareOptions), c.COMPARE_MAPS if is_map_wanted else 0,
+                               ",".join(names).encode(), pixels_per_degree or 0.0, start, stop, count,
+                               _choice(tone_mapper, TONE_MAPPERS, "tone mapper"), threads, 0)
+    handle = ctypes.c_void_p()
+    status = _heddle.heddle_compare(ctypes.byref(image), ctypes.byref(reference), ctypes.byref(options),
+                                    ctypes.byref(handle))
+    try:
+        array = None
+        if not status and is_map_wanted:
+            found = c.Image(ctypes.sizeof(c.Image))
+            status = _heddle.heddle_comparison_map(handle, names[0].encode(), ctypes.byref(found))
+            array = None if status else _to_array(found)
+        if status:
+            raise Error(status, _heddle.heddle_error(None).decode())
+        return json.loads(_heddle.heddle_comparison_describe(handle).decode()), array
+    finally:
+        _heddle.heddle_comparison_destroy(handle)
 
 
 def _encode(text: str | None) -> bytes | None:
@@ -127,6 +197,8 @@ class Host(_Object):
                  out of their role's range; what is found raises Error. Slow. Render three frames
     plugin_path: folders separated by ':'; None: the library's own
     remake:      make artifacts that the cache holds again, and replace them
+    live:        wait for no frame before the next one: stages with latency take the newest copy of the GPU's work that is
+                 there, and no bytes are promised. Not together with check
     log:         called with (severity 0 error, 1 warning, 2 information; text); None: warnings go to stderr
     progress:    called with (what the host is at, how much of that is done, 0..1) while it loads, plans and renders; what
                  it raises, an interrupt from the keyboard too, ends the call, leaves everything as before, and is raised
@@ -138,14 +210,16 @@ class Host(_Object):
 
     def __init__(self, device: str | None = None, validation: bool = False, plugin_path: str | None = None,
                  log: Callable[[int, str], None] | None = None, check: bool = False,
-                 progress: Callable[[str, float], object] | None = None, remake: bool = False):
+                 progress: Callable[[str, float], object] | None = None, remake: bool = False,
+                 live: bool = False):
         self._raised: BaseException | None = None
         say = log if log is not None else _log_to_stderr
         self._log = c.LogFunction(lambda _user, severity, text: say(severity, text.decode()))
         flags = (c.HOST_VALIDATION if validation else 0) | (c.HOST_CHECK if check else 0)
-        flags |= c.HOST_REMAKE if remake else 0
+        flags |= (c.HOST_REMAKE if remake else 0) | (c.HOST_LIVE if live else 0)
+        self._listeners: list[Callable[[str, float], object]] = [] if progress is None else [progress]
         tell: Any = c.ProgressFunction
-        self._progress = tell(self._tell(progress)) if progress is not None else tell()
+        self._progress = tell(self._tell)
         options = c.HostOptions(ctypes.sizeof(c.HostOptions), flags, _encode(device), _encode(plugin_path), None,
                                 self._log, None, self._progress, None)
         handle = ctypes.c_void_p()
@@ -154,16 +228,25 @@ class Host(_Object):
             raise Error(status, _heddle.heddle_error(None).decode())
         super().__init__(handle, None)
 
-    def _tell(self, progress: Callable[[str, float], object]) -> Callable[[Any, bytes, float], int]:
-        def tell(_user: Any, activity: bytes, fraction: float) -> int:
-            try:
+    def _tell(self, _user: Any, activity: bytes, fraction: float) -> int:
+        try:
+            for progress in self._listeners:
                 progress(activity.decode(), fraction)
-            except BaseException as raised:  # nothing may leave into C
-                self._raised = raised
-                return 1
-            return 0
+        except BaseException as raised:  # nothing may leave into C
+            self._raised = raised
+            return 1
+        return 0
 
-        return tell
+    @contextlib.contextmanager
+    def _told(self, progress: Callable[[str, float], object] | None) -> Iterator[None]:
+        """One more who is told of progress meanwhile."""
+        if progress is not None:
+            self._listeners.append(progress)
+        try:
+            yield
+        finally:
+            if progress is not None:
+                self._listeners.remove(progress)
 
     def _text(self, function: Any) -> str:
         text = ctypes.c_char_p()
@@ -199,12 +282,38 @@ class Host(_Object):
         return Scene(handle, self)
 
     def graph(self, file: str | pathlib.Path = "deferred", settings: Sequence[str] = ()) -> Graph:
-        """A graph from a TOML file, or a shipped one by name; settings as "ao.technique=gtao"."""
+        """A graph from a TOML file, or a shipped one by name; settings as "ao.technique=gtao".
+
+        raises: Error, also for a file that is a job
+        """
+        made = self._weave(file, settings)
+        if isinstance(made, Job):
+            made.close()
+            raise Error(2, f"{file}: error: this graph is a job, and renders no frames\n  help:     Host.job opens it")
+        return made
+
+    def job(self, file: str | pathlib.Path, settings: Sequence[str] = ()) -> Job:
+        """A job from a TOML file that says kind = "job"; settings as for `graph`.
+
+        raises: Error, also for a graph that renders frames
+        """
+        made = self._weave(file, settings)
+        if isinstance(made, Graph):
+            made.close()
+            raise Error(2, f"{file}: error: this graph renders frames, and is no job\n  help:     a job says kind = \"job\"; "
+                           "Host.graph opens the others")
+        return made
+
+    def _weave(self, file: str | pathlib.Path, settings: Sequence[str]) -> Graph | Job:
         texts = (ctypes.c_char_p * max(len(settings), 1))(*[setting.encode() for setting in settings])
         handle = ctypes.c_void_p()
         self._check(_heddle.heddle_graph_load(self._handle, str(file).encode(), texts, len(settings),
                                               ctypes.byref(handle)))
-        return Graph(handle, self)
+        graph = Graph(handle, self)
+        if graph.describe()["kind"] == "frame":
+            return graph
+        graph._raw = None  # the handle is the job's now
+        return Job(handle, self)
 
     def read_image(self, file: str | pathlib.Path) -> NDArray[np.float32]:
         """float32 (height, width, channels); values of 8-bit files are 0..1 as stored."""
@@ -216,6 +325,11 @@ class Host(_Object):
         """pixels: (height, width, channels) or (height, width); 8-bit formats clamp to 0..1 and round."""
         image, _keep = _to_image(pixels)
         self._check(_heddle.heddle_image_write(self._handle, str(file).encode(), ctypes.byref(image)))
+
+    def write_error_image(self, file: str | pathlib.Path, image: ArrayLike, white: float = 1.0) -> None:
+        """Writes what error_image() made: numbers into .exr, .hdr and .pfm, else false colours from 0, black, to `white`."""
+        record, _keep = _to_image(image)
+        self._check(_heddle.heddle_write_error_image(self._handle, str(file).encode(), ctypes.byref(record), white))
 
     def compare(self, pixels: ArrayLike, reference: ArrayLike, difference: str | pathlib.Path | None = None) -> dict:
         """Metrics of pixels against a reference of the same shape (rmse, mse, relmse, psnr, mean_difference, maximum,
@@ -293,9 +407,18 @@ class Scene(_Object):
 
     def mesh(self, positions: ArrayLike, material: int, indices: ArrayLike | None = None,
              normals: ArrayLike | None = None, tangents: ArrayLike | None = None, uv0: ArrayLike | None = None,
-             uv1: ArrayLike | None = None, colors: ArrayLike | None = None, name: str | None = None) -> int:
+             uv1: ArrayLike | None = None, colors: ArrayLike | None = None, name: str | None = None,
+             faces: Sequence[Sequence[int]] | None = None,
+             creases: Sequence[tuple[int, int, float]] | None = None) -> int:
         """positions (n, 3) metres; indices (m, 3) or (3m,); normals (n, 3); tangents (n, 4); uv0, uv1 (n, 2);
-        colors (n, 4) linear. Normals and tangents are made where missing. Returns the id."""
+        colors (n, 4) linear. Normals and tangents are made where missing. Returns the id.
+
+        faces: in place of indices: lists of vertices, 3 or more each, counter-clockwise, convex and nearly flat. They are
+            drawn as triangles; what subdivides surfaces sees the faces.
+        creases: edges that a subdivided surface keeps sharp: (vertex, vertex, sharpness), a vertex by itself as (vertex,
+            vertex, sharpness) with the same twice. 0 is smooth, n sharp for n levels, 10 and above for ever."""
+        if faces is not None and indices is not None:
+            raise Error(2, "error: a mesh has indices and faces: expected one of them")
         arrays = {
             "positions": _floats(positions, 3, "positions"), "normals": _floats(normals, 3, "normals"),
             "tangents": _floats(tangents, 4, "tangents"), "uv0": _floats(uv0, 2, "uv0"), "uv1": _floats(uv1, 2, "uv1"),
@@ -305,10 +428,17 @@ class Scene(_Object):
         for what, array in arrays.items():
             if array is not None and len(array) != count:
                 raise Error(2, f"error: {what} has {len(array)} rows: expected {count}, as positions")
+        sizes = None if faces is None else np.array([len(face) for face in faces], dtype=np.uint32)
+        if faces is not None:
+            indices = [corner for face in faces for corner in face]
         index = None if indices is None else np.ascontiguousarray(indices, dtype=np.uint32).reshape(-1)
+        edges = None if creases is None else np.array([(a, b) for a, b, _ in creases], dtype=np.uint32).reshape(-1)
+        sharpness = None if creases is None else np.array([s for _, _, s in creases], dtype=np.float32)
         record = c.Mesh(ctypes.sizeof(c.Mesh), count, 0 if index is None else len(index), 0,
                         *[_pointer(array, ctypes.c_float) for array in arrays.values()],
-                        _pointer(index, ctypes.c_uint32))
+                        _pointer(index, ctypes.c_uint32), 0 if sizes is None else len(sizes),
+                        0 if sharpness is None else len(sharpness), _pointer(sizes, ctypes.c_uint32),
+                        _pointer(edges, ctypes.c_uint32), _pointer(sharpness, ctypes.c_float))
         return self._add(_heddle.heddle_scene_add_mesh, name, ctypes.byref(record), ctypes.c_uint32(material))
 
     def instance(self, mesh: int, transform: ArrayLike | None = None, name: str | None = None) -> int:
@@ -323,12 +453,16 @@ class Scene(_Object):
               direction: Sequence[float] = (0, -1, 0), range: float = 0.0, inner_angle: float = 0.0,
               outer_angle: float = np.pi / 4, radius: float = 0.0, tangent: Sequence[float] = (1, 0, 0),
               segment_length: float = 0.0, half_extent: Sequence[float] = (0, 0, 0), casts_shadow: bool = True,
-              name: str | None = None) -> int:
+              name: str | None = None, texture: ArrayLike | None = None) -> int:
         """One of directional (lux), point, spot, capsule, cone, wedge (candela), box (lux), sphere, rectangle (cd/m^2),
-        environment. Linear Rec.709; metres; angles in radians from the axis; records.h says the rest. Returns the id."""
+        environment. Linear Rec.709; metres; angles in radians from the axis; records.h says the rest. texture: of a
+        rectangle, see set_light_texture. Returns the id."""
         light = _light(type, intensity, position, direction, range, inner_angle, outer_angle, radius, tangent, segment_length,
                        half_extent, casts_shadow)
-        return self._add(_heddle.heddle_scene_add_light, name, ctypes.byref(light))
+        index = self._add(_heddle.heddle_scene_add_light, name, ctypes.byref(light))
+        if texture is not None:
+            self.set_light_texture(index, texture)
+        return index
 
     def set_light(self, light: int, type: str, intensity: Sequence[float], position: Sequence[float] = (0, 0, 0),
                   direction: Sequence[float] = (0, -1, 0), range: float = 0.0, inner_angle: float = 0.0,
@@ -338,6 +472,17 @@ class Scene(_Object):
         record = _light(type, intensity, position, direction, range, inner_angle, outer_angle, radius, tangent, segment_length,
                         half_extent, casts_shadow)
         self._check(_heddle.heddle_scene_set_light(self._handle, light, ctypes.byref(record)))
+
+    def set_light_texture(self, light: int, pixels: ArrayLike | None) -> None:
+        """An image that a rectangle light shines with: its radiance at a point is its intensity times the texel there.
+
+        pixels: float32 (height, width) or (height, width, 1, 3 or 4), seen from the lit side with the light's tangent to the
+                right; linear Rec.709, finite, 0 or above; copied. None: none
+        raises: Error for what is not so, with the first wrong texel
+        """
+        image = None if pixels is None else _to_image(pixels)
+        self._check(_heddle.heddle_scene_set_light_texture(self._handle, light,
+                                                           None if image is None else ctypes.byref(image[0])))
 
     def component(self, name: str, properties: Mapping[str, Value] | None = None, *, instance: int | None = None,
                   material: int | None = None, light: int | None = None) -> None:
@@ -464,11 +609,10 @@ class Scene(_Object):
         return index.value
 
 
-class Graph(_Object):
-    """A frame graph that renders scenes."""
+class _Woven(_Object):
+    """Passes of techniques, as a graph's file weaves them."""
 
     _destroy = _heddle.heddle_graph_destroy
-    _last: tuple[Scene, float, int] | None = None  # scene, time_step and seed of the last frame
 
     def keep(self, port: str) -> None:
         """Keeps a port, "ao.visibility", readable after the frames to come."""
@@ -489,6 +633,10 @@ class Graph(_Object):
 
         A parameter changes in place; anything else makes a new plan at the next frame.
         """
+        if isinstance(value, Mapping):
+            raise Error(2, f"error: the setting '{setting}' was given a dict\n  expected: a number, a word, True or False, or a "
+                           "list of them\n  help:     one call for each key: " +
+                           (f"set(\"{setting}.{next(iter(value))}\", ...)" if value else f"set(\"{setting}.NAME\", ...)"))
         text = setting if value is None else f"{setting}={_toml(value)}"
         self._check(_heddle.heddle_graph_set(self._handle, text.encode()))
 
@@ -502,6 +650,91 @@ class Graph(_Object):
         """Reads the graph's file again and applies what was set since; edited shaders, and rebuilt plugins that no other
         graph holds, count from the next frame on. On an error the graph is as before."""
         self._check(_heddle.heddle_graph_reload(self._handle))
+
+    def read(self, port: str | None = None, layer: int = 0, mip: int = 0,
+             out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
+        """float32 (height, width, channels) of a kept port, or of the graph's output (None).
+
+        The host writes into the array itself, once, from memory that it shares with the device: texels become float32
+        there (unorm 0..1), so nothing of the device is ever seen that a later frame could change, and the array lives as
+        long as you keep it.
+
+        out:    an array of that shape to write into, C-contiguous: frames after frames without new memory
+        raises: Error for a port that was not kept, or an `out` of another shape, type or layout
+        """
+        for what, number in (("layer", layer), ("mip", mip)):
+            if int(number) != number or not 0 <= number < 2**32:
+                raise Error(2, f"error: there is no {what} {number}\n  expected: an integer of at least 0")
+        image = c.Image(ctypes.sizeof(c.Image))
+        self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, None, 0, ctypes.byref(image)))
+        shape = (image.height, image.width, image.channels)
+        array = np.empty(shape, np.float32) if out is None else out
+        expected = f"\n  expected: a float32 array {shape}, contiguous and writeable"
+        if not isinstance(array, np.ndarray):
+            raise Error(2, f"error: 'out' is of type {type(array).__name__}{expected}")
+        if array.shape != shape or array.dtype != np.float32 or not (array.flags.c_contiguous and array.flags.writeable):
+            raise Error(2, f"error: 'out' is {array.dtype} {array.shape}, {'' if array.flags.c_contiguous else 'not '}"
+                           f"contiguous, {'' if array.flags.writeable else 'not '}writeable{expected}")
+        self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, _pointer(array, ctypes.c_float),
+                                             array.size, ctypes.byref(image)))
+        return array
+
+    def check(self, scene: Scene, frames: int = 3, time: float = 0.0, time_step: float = 0.0, seed: int = 0) -> dict:
+        """Proves that the graph does what it declares, on a host made with check=True.
+
+        Renders frames from the first on in every order of stages that declared accesses allow and over memory filled with
+        two patterns; the bytes of the output and of kept ports must agree. Afterwards the graph is as before its first
+        frame.
+
+        returns: {"frames", "runs", "orders", "unordered_pairs", "seen_both_ways": int, "poisons", "compared": list,
+                  "lists": those whose elements were seen in two orders, "overflowed": frames that were not compared,
+                  because a list had no room in them}
+        raises:  Error, with the first thing that was found
+        """
+        options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), 0, time, time_step, seed, 0, 0)
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_graph_check(self._handle, scene._handle, ctypes.byref(options), frames,
+                                               ctypes.byref(text)))
+        return json.loads(_decode(text))
+
+    def stats(self) -> dict:
+        """Of the last frame: {"wall_ms": recording and running, "submit_ms": from submission to fence, "stages": of a
+        profiled frame [{"pass", "stage", "wall_ms", "cpu_ms"}], "counters": commands and bytes, "lists":
+        [{"name", "capacity", "count", "overflow": elements that had no room}], "counts": what techniques count
+        [{"pass", "name", "count"}], "memory": bytes,
+        "libraries", "device", "frames": since the graph was planned}."""
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_stats(self._handle, ctypes.byref(text)))
+        return json.loads(_decode(text))
+
+    def files(self) -> list[str]:
+        """Paths of the files that `reload` would read: graphs, roles, manifests, libraries, shaders."""
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_graph_files(self._handle, ctypes.byref(text)))
+        return json.loads(_decode(text))
+
+    def explain(self, format: str = "text", why: str | None = None) -> str:
+        """What was decided and why: text, json or dot. why: of one pass: why it runs or does not, why it stands where it
+        stands, where each of its settings comes from; text or json."""
+        text = ctypes.c_char_p()
+        if why is None:
+            self._check(_heddle.heddle_graph_explain(self._handle, format.encode(), ctypes.byref(text)))
+        else:
+            self._check(_heddle.heddle_graph_explain_pass(self._handle, why.encode(), format.encode(), ctypes.byref(text)))
+        return _decode(text)
+
+    def describe(self) -> dict:
+        """What the graph says, without planning it: file, extent, output, presets, passes with their techniques, parameters
+        and inputs, and the names and types of all ports."""
+        text = ctypes.c_char_p()
+        self._check(_heddle.heddle_graph_describe(self._handle, ctypes.byref(text)))
+        return json.loads(text.value.decode())
+
+
+class Graph(_Woven):
+    """A frame graph that renders scenes."""
+
+    _last: tuple[Scene, float, int] | None = None  # scene, time_step and seed of the last frame
 
     def render(self, scene: Scene, time: float | None = None, time_step: float = 0.0, seed: int = 0, cut: bool = False,
                profile: bool = False, anew: bool = False) -> None:
@@ -560,80 +793,42 @@ class Graph(_Object):
         scene._time = options.time
         return text.value.decode()
 
-    def read(self, port: str | None = None, layer: int = 0, mip: int = 0,
-             out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-        """float32 (height, width, channels) of a kept port, or of the graph's output (None).
 
-        The host writes into the array itself, once, from memory that it shares with the device: texels become float32
-        there (unorm 0..1), so nothing of the device is ever seen that a later frame could change, and the array lives as
-        long as you keep it.
+class Job(_Woven):
+    """A graph that is no frame: it bakes, encodes or inspects, once, and leaves artifacts and reports."""
 
-        out:    an array of that shape to write into, C-contiguous: frames after frames without new memory
-        raises: Error for a port that was not kept, or an `out` of another shape, type or layout
+    def run(self, scene: Scene | None = None, time: float | None = None, seed: int = 0,
+            progress: Callable[[str, float], object] | None = None) -> dict:
+        """Makes what the job leaves, unless the cache holds it, and says what there is.
+
+        scene:    what it works on, posed at `time` in seconds (None: as it is posed); None: an empty one
+        progress: called with (what the host is at, how much of that is done, 0..1), beside the host's own; what it raises
+                  ends the run and is raised by it. Nothing is left half made; stages that can go on do so in the next run
+        returns:  {"wall_ms", "errors": rows of level "error", "artifacts": [{"name", "origin": "made" or "cache", "key",
+                  "file", "bytes"}], "reports": [{"name", "origin", "key", "file", "rows": [{"level", "message", "values"}]}]}
+        raises:   Error; with status 6 after Host.cancel
         """
-        image = c.Image(ctypes.sizeof(c.Image))
-        self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, None, 0, ctypes.byref(image)))
-        shape = (image.height, image.width, image.channels)
-        array = np.empty(shape, np.float32) if out is None else out
-        expected = f"\n  expected: a float32 array {shape}, contiguous and writeable"
-        if not isinstance(array, np.ndarray):
-            raise Error(2, f"error: 'out' is of type {type(array).__name__}{expected}")
-        if array.shape != shape or array.dtype != np.float32 or not (array.flags.c_contiguous and array.flags.writeable):
-            raise Error(2, f"error: 'out' is {array.dtype} {array.shape}, {'' if array.flags.c_contiguous else 'not '}"
-                           f"contiguous, {'' if array.flags.writeable else 'not '}writeable{expected}")
-        self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, _pointer(array, ctypes.c_float),
-                                             array.size, ctypes.byref(image)))
-        return array
-
-    def check(self, scene: Scene, frames: int = 3, time: float = 0.0, time_step: float = 0.0, seed: int = 0) -> dict:
-        """Proves that the graph does what it declares, on a host made with check=True.
-
-        Renders frames from the first on in every order of stages that declared accesses allow and over memory filled with
-        two patterns; the bytes of the output and of kept ports must agree. Afterwards the graph is as before its first
-        frame.
-
-        returns: {"frames", "runs", "orders", "unordered_pairs", "seen_both_ways": int, "poisons", "compared": list,
-                  "lists": those whose elements were seen in two orders, "overflowed": frames that were not compared,
-                  because a list had no room in them}
-        raises:  Error, with the first thing that was found
-        """
-        options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), 0, time, time_step, seed, 0, 0)
+        host = self._host
+        assert host is not None  # it was made by one
+        if scene is None:
+            with host.scene() as empty:
+                return self.run(empty, time, seed, progress)
+        if not 0 <= seed < 2**64:
+            raise Error(2, f"error: the seed is {seed}: expected an integer of 0 to 2^64 - 1")
+        options = c.RenderOptions(ctypes.sizeof(c.RenderOptions), 0, scene._time if time is None else float(time), 0.0, seed,
+                                  0, 0)
         text = ctypes.c_char_p()
-        self._check(_heddle.heddle_graph_check(self._handle, scene._handle, ctypes.byref(options), frames,
-                                               ctypes.byref(text)))
+        with host._told(progress):
+            self._check(_heddle.heddle_job_run(self._handle, scene._handle, ctypes.byref(options), ctypes.byref(text)))
+        scene._time = options.time
         return json.loads(_decode(text))
 
-    def stats(self) -> dict:
-        """Of the last frame: {"wall_ms": recording and running, "submit_ms": from submission to fence, "stages": of a
-        profiled frame [{"pass", "stage", "wall_ms", "cpu_ms"}], "counters": commands and bytes, "lists":
-        [{"name", "capacity", "count", "overflow": elements that had no room}], "memory": bytes,
-        "libraries", "device", "frames": since the graph was planned}."""
-        text = ctypes.c_char_p()
-        self._check(_heddle.heddle_stats(self._handle, ctypes.byref(text)))
-        return json.loads(_decode(text))
-
-    def files(self) -> list[str]:
-        """Paths of the files that `reload` would read: graphs, roles, manifests, libraries, shaders."""
-        text = ctypes.c_char_p()
-        self._check(_heddle.heddle_graph_files(self._handle, ctypes.byref(text)))
-        return json.loads(_decode(text))
-
-    def explain(self, format: str = "text", why: str | None = None) -> str:
-        """What was decided and why: text, json or dot. why: of one pass: why it runs or does not, why it stands where it
-        stands, where each of its settings comes from; text or json."""
-        text = ctypes.c_char_p()
-        if why is None:
-            self._check(_heddle.heddle_graph_explain(self._handle, format.encode(), ctypes.byref(text)))
-        else:
-            self._check(_heddle.heddle_graph_explain_pass(self._handle, why.encode(), format.encode(), ctypes.byref(text)))
-        return _decode(text)
-
-    def describe(self) -> dict:
-        """What the graph says, without planning it: file, extent, output, presets, passes with their techniques, parameters
-        and inputs, and the names and types of all ports."""
-        text = ctypes.c_char_p()
-        self._check(_heddle.heddle_graph_describe(self._handle, ctypes.byref(text)))
-        return json.loads(text.value.decode())
+    def artifact(self, name: str | None = None) -> bytes:
+        """Bytes of an artifact, "bake.links", that the last run made or found; None: of the job's output, or of its only
+        artifact. raises: Error with the names that there are"""
+        data, size = ctypes.c_void_p(), ctypes.c_uint64()
+        self._check(_heddle.heddle_job_artifact(self._handle, _encode(name), ctypes.byref(data), ctypes.byref(size)))
+        return ctypes.string_at(data, size.value) if size.value else b""
 
 
 def _decode(text: ctypes.c_char_p) -> str:

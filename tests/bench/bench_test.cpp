@@ -55,7 +55,7 @@ TEST(Bench, EveryEntryHasNameValueAndUnitAndMeasuredOnesTheirSpread) {
     const bool is_measured = entry["runs"].get<int>() > 0;
     for (const char* key : {"low", "high", "confidence", "minimum", "maximum"})
       EXPECT_EQ(entry.contains(key), is_measured) << name << " " << key;
-    EXPECT_EQ(entry.contains("is_met"), entry.contains("at_most")) << name;
+    EXPECT_FALSE(entry.contains("is_met")) << name << ": small sizes say nothing about time";
     if (!is_measured) continue;
     EXPECT_LE(entry["minimum"].get<double>(), entry["low"].get<double>()) << name;
     EXPECT_LE(entry["low"].get<double>(), entry["value"].get<double>()) << name;
@@ -68,10 +68,18 @@ TEST(Bench, TargetsAreTheSpecifiedOnes) {
   std::map<std::string, double> targets;
   for (const auto& [name, entry] : entries())
     if (entry.contains("at_most")) targets[name] = entry["at_most"].get<double>();
-  EXPECT_EQ(targets, (std::map<std::string, double>{{"graph_overhead.frame_ratio", 1.05},
-                                                    {"graph_overhead.host_us_per_pass", 5},
-                                                    {"gltf_import.ratio", 1.3},
-                                                    {"swap.host", 100}}));
+  std::map<std::string, double> expected{{"graph_overhead.frame_ratio", 1.05},
+                                         {"graph_overhead.host_us_per_pass", 5},
+                                         {"gltf_import.ratio", 1.3},
+                                         {"swap.host", 100}};
+  // Where scripts/setup got the authors' package.
+  if (entries().contains("compare.official_flip")) expected["compare.flip_ratio"] = 0.5;
+  EXPECT_EQ(targets, expected);
+}
+
+TEST(Bench, ComparesPicturesOfOddSizes) {
+  EXPECT_EQ(value("compare.pixels"), 33 * 21);
+  for (const char* metric : {"flip", "hdr_flip", "ssim", "rmse"}) EXPECT_GT(value(std::string("compare.") + metric), 0);
 }
 
 TEST(Bench, GraphRecordsWhatAPersonWould) {
@@ -114,7 +122,10 @@ TEST(Bench, RunsCanBeChosenAndTheTextSaysTheSame) {
   const Output output = run("memory graph_overhead --small --runs 4 2>/dev/null");
   EXPECT_EQ(output.status, 0);
   EXPECT_THAT(output.text, testing::ContainsRegex("graph_overhead.frame_ratio +[0-9.]+ +[0-9.]+ to [0-9.]+ +4  1; "
-                                                  "target at most 1.05: (met|missed)\n"));
+                                                  "target at most 1.05\n"));
+  EXPECT_THAT(output.text,
+              testing::HasSubstr("--small: everything runs, at sizes that say nothing about time; no target "
+                                 "is judged\n"));
   EXPECT_THAT(output.text, testing::ContainsRegex("memory.transient +[0-9.e+]+ +bytes\n"));
   EXPECT_THAT(output.text, testing::Not(testing::HasSubstr("swap")));
 }
@@ -124,7 +135,7 @@ TEST(Bench, UnknownNamesAreToldWithWhatThereIs) {
   EXPECT_EQ(output.status, 2);
   EXPECT_EQ(output.text,
             "error: there is no benchmark 'speed'\n  expected: one of graph_overhead, swap, gltf_import, instances, "
-            "memory\n");
+            "memory, compare\n");
 }
 
 }  // namespace

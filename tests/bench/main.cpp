@@ -15,11 +15,12 @@ struct Benchmark {
   std::string_view name;
   void (*measure)(heddle::bench::Session&);
 };
-constexpr std::array<Benchmark, 5> kBenchmarks{{{"graph_overhead", heddle::bench::measure_graph_overhead},
+constexpr std::array<Benchmark, 6> kBenchmarks{{{"graph_overhead", heddle::bench::measure_graph_overhead},
                                                 {"swap", heddle::bench::measure_swap},
                                                 {"gltf_import", heddle::bench::measure_gltf_import},
                                                 {"instances", heddle::bench::measure_instances},
-                                                {"memory", heddle::bench::measure_memory}}};
+                                                {"memory", heddle::bench::measure_memory},
+                                                {"compare", heddle::bench::measure_compare}}};
 
 int run(int argc, char** argv) {
   heddle::bench::Options options;
@@ -54,6 +55,7 @@ int run(int argc, char** argv) {
                                                              ""});
   }
   heddle::bench::Session session(options);
+  session.report.is_smoke_run = options.is_small;
   session.report.machine = heddle::bench::describe_machine();
   const heddle::vulkan::DeviceInfo& device = session.device().info();
   session.report.machine["device"] = device.name;

@@ -36,10 +36,11 @@ Json Report::to_json() const {
     }
     if (entry.at_most) {
       one["at_most"] = *entry.at_most;
-      one["is_met"] = entry.estimate.value <= *entry.at_most;
+      if (!is_smoke_run) one["is_met"] = entry.estimate.value <= *entry.at_most;
     }
     json["entries"].push_back(std::move(one));
   }
+  if (is_smoke_run) json["is_smoke_run"] = true;
   return json;
 }
 
@@ -49,6 +50,7 @@ std::string Report::to_text() const {
                   machine["processors"].get<long>(), machine["system"].get<std::string>(),
                   machine["load_average"].get<double>(), machine["device"].get<std::string>(),
                   machine["driver"].get<std::string>(), machine["driver_version"].get<std::string>());
+  if (is_smoke_run) text += "--small: everything runs, at sizes that say nothing about time; no target is judged\n\n";
   text += fmt::format("{:<46} {:>11}  {:<24} {:>5}\n", "median", "", "interval of it", "runs");
   for (const Entry& entry : entries_) {
     const Estimate& found = entry.estimate;
@@ -59,9 +61,8 @@ std::string Report::to_text() const {
       text += fmt::format("  {:<24} {:>5}", "", "");
     }
     text += "  " + entry.unit;
-    if (entry.at_most)
-      text +=
-          fmt::format("; target at most {:g}: {}", *entry.at_most, found.value <= *entry.at_most ? "met" : "missed");
+    if (entry.at_most) text += fmt::format("; target at most {:g}", *entry.at_most);
+    if (entry.at_most && !is_smoke_run) text += found.value <= *entry.at_most ? ": met" : ": missed";
     text += '\n';
   }
   return text;

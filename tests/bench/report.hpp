@@ -28,9 +28,11 @@ class Report {
   /// A number without spread: a count, or the parameter of a fit.
   void add_number(std::string name, std::string unit, double value);
 
-  Json machine;  // what it was measured on
+  Json machine;               // what it was measured on
+  bool is_smoke_run = false;  // sizes that say nothing about time: targets are named, and nobody judges by them
   /// {"machine": {...}, "entries": [{"name", "value", "unit", "runs", "low", "high", "confidence", "minimum",
-  /// "maximum", "at_most", "is_met"}]}; the last seven only where they apply.
+  /// "maximum", "at_most", "is_met"}]}; the last seven only where they apply. Of a smoke run {"is_smoke_run": true}
+  /// too.
   [[nodiscard]] Json to_json() const;
   [[nodiscard]] std::string to_text() const;
 

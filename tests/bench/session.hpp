@@ -78,5 +78,6 @@ void measure_swap(Session& session);
 void measure_gltf_import(Session& session);
 void measure_instances(Session& session);
 void measure_memory(Session& session);
+void measure_compare(Session& session);
 
 }  // namespace heddle::bench

@@ -266,6 +266,7 @@ INSTANTIATE_TEST_SUITE_P(
                     Variant{"no_sky", "deferred.toml", {"sky.technique=none"}},
                     Variant{"no_shadow", "deferred.toml", {"shadow.technique=none", "contact.technique=none"}},
                     Variant{"float32", "deferred.toml", {"gbuffer.params.precision=float32"}},
+                    Variant{"tiled", "tiled.toml", {"light_assignment.params.fewest=0"}},
                     Variant{"supersampled", "supersampled.toml", {"aa.params.samples=2"}},
                     Variant{"progressive", "supersampled.toml", {"aa.params.samples=3", "aa.params.mode=progressive"}},
                     Variant{"multiframe",

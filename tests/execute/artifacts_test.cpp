@@ -1,101 +1,33 @@
 // SPDX-License-Identifier: Apache-2.0
 // Cached stages through the C API: what is kept is used instead of work, by other hosts too; what the key holds, and
 // that a stage cannot see anything else; damage, cancelling, folders that cannot be written.
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-#include <heddle/heddle.h>
-#include <nlohmann/json.hpp>
-
-#include <algorithm>
-#include <filesystem>
-#include <fstream>
-#include <string>
-#include <vector>
+#include "execute/cached_host.hpp"
 
 namespace {
 
+using heddle_test::CachedHost;
+using heddle_test::Json;
 namespace fs = std::filesystem;
-using Json = nlohmann::json;
 
-/// A host with a cache of the test's own.
-class Host {
+class Host : public CachedHost {
  public:
-  explicit Host(const fs::path& cache, std::uint32_t flags = 0) {
-    const std::string plugins = HEDDLE_BUILD_DIR "/lib/heddle/plugins:" HEDDLE_BUILD_DIR "/tests/plugins";
-    heddle_host_options options{};
-    options.struct_size = sizeof options;
-    options.flags = flags;
-    options.plugin_path = plugins.c_str();
-    options.cache_path = cache.c_str();
-    options.log = [](void* user, std::uint32_t severity, const char* text) {
-      Host& self = *static_cast<Host*>(user);
-      self.log.emplace_back(std::to_string(severity) + ": " + text);
-      if (!self.cancel_at.empty() && self.log.back().find(self.cancel_at) != std::string::npos)
-        heddle_cancel(self.handle);
-    };
-    options.log_user = this;
-    EXPECT_EQ(heddle_create(&options, &handle), HEDDLE_OK) << heddle_error(nullptr);
-    EXPECT_EQ(heddle_scene_create(handle, &scene), HEDDLE_OK);
-  }
-  ~Host() {
-    heddle_graph_destroy(graph);
-    heddle_scene_destroy(scene);
-    heddle_destroy(handle);
-  }
-  Host(const Host&) = delete;
-  Host& operator=(const Host&) = delete;
-
+  using CachedHost::CachedHost;
   void load(const std::vector<std::string>& settings = {}) {
     constexpr const char* kGraph =
         "extent = [8, 8]\noutput = \"sum.color\"\n"
         "[[pass]]\nname = \"numbers\"\nrole = \"bake\"\ntechnique = \"numbers\"\n"
         "[[pass]]\nname = \"sum\"\nrole = \"bake\"\ntechnique = \"sum\"\ninputs.numbers = \"numbers.numbers\"\n";
-    std::vector<const char*> given;
-    for (const std::string& setting : settings) given.push_back(setting.c_str());
-    heddle_graph_destroy(graph);
-    graph = nullptr;
-    ASSERT_EQ(heddle_graph_parse(handle, kGraph, "bake.toml", "", given.data(),
-                                 static_cast<std::uint32_t>(given.size()), &graph),
-              HEDDLE_OK)
-        << heddle_error(handle);
-  }
-  /// The first pixel of a frame: total, table[1], list[1], list[2].
-  std::vector<float> render(const heddle_render_options* options = nullptr) {
-    EXPECT_EQ(heddle_render(graph, scene, options), HEDDLE_OK) << heddle_error(handle);
-    heddle_image image{};
-    image.struct_size = sizeof image;
-    EXPECT_EQ(heddle_read(graph, nullptr, 0, 0, &image), HEDDLE_OK) << heddle_error(handle);
-    return {image.pixels, image.pixels + 4};
+    ASSERT_EQ(parse(kGraph, "bake.toml", "", settings), HEDDLE_OK) << error();
   }
   Json artifact() {
-    const char* text = nullptr;
-    EXPECT_EQ(heddle_stats(graph, &text), HEDDLE_OK);
-    const Json all = Json::parse(text)["artifacts"];
+    const Json all = artifacts();
     return all.size() == 1 ? all[0] : all;
   }
-  [[nodiscard]] std::ptrdiff_t slices() const {
-    return std::ranges::count_if(log, [](const std::string& line) { return line.find("slice") != std::string::npos; });
-  }
-
-  heddle_host* handle = nullptr;
-  heddle_scene* scene = nullptr;
-  heddle_graph* graph = nullptr;
-  std::vector<std::string> log;
-  std::string cancel_at;
+  [[nodiscard]] std::ptrdiff_t slices() const { return count_said("slice"); }
 };
 
-class Artifacts : public testing::Test {
+class Artifacts : public heddle_test::CacheTest {
  protected:
-  Artifacts() : cache_(fs::path(testing::TempDir()) / ("heddle_artifacts_" + std::to_string(getpid()))) {
-    fs::remove_all(cache_);
-  }
-  ~Artifacts() override { fs::remove_all(cache_); }
-  [[nodiscard]] std::vector<fs::path> files() const {
-    std::vector<fs::path> found;
-    if (!fs::exists(cache_ / "artifacts")) return found;
-    for (const auto& entry : fs::directory_iterator(cache_ / "artifacts")) found.push_back(entry.path());
-    return found;
-  }
   /// How a new process would find it: the origin, after checking the numbers against scale * (first + ... + first + 3).
   std::string origin(const std::vector<std::string>& settings, float expected, std::uint32_t flags = 0) {
     Host host(cache_, flags);
@@ -105,8 +37,6 @@ class Artifacts : public testing::Test {
     EXPECT_EQ(host.slices(), from == "made" ? 4 : 0);
     return from;
   }
-
-  fs::path cache_;
 };
 
 TEST_F(Artifacts, AreMadeOnceAndThenTakenFromTheCacheByOtherHosts) {

@@ -161,6 +161,7 @@ TEST(Latency, BringsEveryFrameExactlyTwoFramesLater) {
   Scene scene;
   Graph graph("extent = [16, 8]\noutput = \"late.color\"\n" + pass("late", "late"));
   int cut = 0;
+  const char* text = nullptr;
   for (int k = 0; k < 10; ++k) {
     if (k == 5) cut = k;
     const Image image = frame(graph, scene, k == 5);
@@ -174,6 +175,12 @@ TEST(Latency, BringsEveryFrameExactlyTwoFramesLater) {
       EXPECT_EQ(counter(graph, "submits"), 1U);
     }
     EXPECT_EQ(stat(graph, "stalls"), 0U);
+    check(heddle_stats(graph.handle, &text));
+    const auto late = nlohmann::json::parse(text)["late"];
+    EXPECT_EQ(late["mode"], "repeatable");
+    EXPECT_EQ(late["waits"], 1) << "for the frame's end";
+    EXPECT_EQ(late["reads"], 2);
+    EXPECT_EQ(late["stale"], 0);
   }
 }
 

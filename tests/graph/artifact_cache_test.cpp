@@ -4,6 +4,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -127,6 +128,39 @@ TEST_F(ArtifactCacheTest, IsWholeOrNotThereAfterTheWriterWasKilled) {
     EXPECT_TRUE(cache.read(kKey, told));
   }
   EXPECT_EQ(kept + lost, 5);
+}
+
+TEST_F(ArtifactCacheTest, IsNeverTakenHalfWhereWritingEndsInTheMiddle) {
+  const ArtifactCache cache(folder_, kPlenty);
+  const auto part = bytes(1 << 20, 1);
+  // A limit on the size of files ends the writing at exactly half: by a signal that kills, or as a full disk does.
+  for (const bool is_killed : {true, false}) {
+    const pid_t child = fork();
+    ASSERT_GE(child, 0);
+    if (child == 0) {
+      const rlimit half{1 << 19, 1 << 19}, no_core{0, 0};
+      setrlimit(RLIMIT_CORE, &no_core);
+      setrlimit(RLIMIT_FSIZE, &half);
+      signal(SIGXFSZ, is_killed ? SIG_DFL : SIG_IGN);
+      const std::string problem = cache.write(kKey, {{"image", part}});
+      _exit(problem == "the artifact cache " + folder_.string() + " cannot be written" ? 0 : 1);
+    }
+    int status = -1;
+    waitpid(child, &status, 0);
+    if (is_killed)
+      EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGXFSZ) << status;
+    else
+      EXPECT_EQ(status, 0) << "it says so";
+    std::string told;
+    EXPECT_FALSE(cache.read(kKey, told));
+    EXPECT_EQ(told, "");
+    EXPECT_EQ(count(), 1U) << "the half of the killed one, under a temporary name; a full disk leaves none";
+  }
+  EXPECT_EQ(cache.write(kKey, {{"image", part}}), "");
+  cache.remove(kKey);
+  cache.remove(kOther);
+  std::string told;
+  EXPECT_FALSE(cache.read(kKey, told)) << "it was removed";
 }
 
 TEST_F(ArtifactCacheTest, IsWholeForReadersWhileManyWrite) {

@@ -246,6 +246,33 @@ class Player {
     }
   }
 
+  /// Surfaces that passes made are read out of the buffers that their ports name.
+  void add_made(std::map<ResourceIndex, Touch>& list, ResourceIndex surfaces, std::uint32_t access) const {
+    if (access != HEDDLE_ACCESS_DRAW && access != HEDDLE_ACCESS_HOST_READ) return;
+    for (; surfaces != kNoIndex && graph_.resources[surfaces].type == PortType::kSurfaces;
+         surfaces = graph_.resources[surfaces].previous_version) {
+      if (graph_.resources[surfaces].producer == kNoIndex) continue;
+      const Pass& maker = graph_.passes[graph_.resources[surfaces].producer];
+      for (const Port& port : maker.entry.technique->ports) {
+        if (port.name != graph_.resources[surfaces].port) continue;
+        for (const std::string* name : {&port.vertices, &port.indices, &port.instances, &port.commands}) {
+          if (name->empty()) continue;
+          Touch& touch = list[root(maker.ports.at(*name))];
+          touch.needs_contents = true;
+          touch.layouts.insert(VK_IMAGE_LAYOUT_UNDEFINED);
+          if (access == HEDDLE_ACCESS_HOST_READ) {
+            touch.stages |= kTransfer;
+            touch.reads |= VK_ACCESS_2_TRANSFER_READ_BIT;
+            continue;
+          }
+          touch.stages |= VK_PIPELINE_STAGE_2_DRAW_INDIRECT_BIT | VK_PIPELINE_STAGE_2_INDEX_INPUT_BIT | kVertex;
+          touch.reads |=
+              VK_ACCESS_2_INDIRECT_COMMAND_READ_BIT | VK_ACCESS_2_INDEX_READ_BIT | VK_ACCESS_2_SHADER_STORAGE_READ_BIT;
+        }
+      }
+    }
+  }
+
   void add_functions(std::map<ResourceIndex, Touch>& list, const Pass& caller, const std::vector<std::string>& calls,
                      Stages shaders, std::uint32_t depth) const {
     if (depth > 16) return;
@@ -274,6 +301,7 @@ class Player {
       // A stage with latency reads the host's copies; only making them touches the memory.
       const bool is_copied = stage.latency > 0 && access.access == HEDDLE_ACCESS_HOST_READ && has_bytes(bound->second);
       if (is_copied == scheduled.is_read_back) add(list, pass, access, shaders);
+      if (!scheduled.is_read_back) add_made(list, bound->second, access.access);
     }
     for (const Shader& shader : technique.shaders)
       if (shader.stage == stage.name) add_functions(list, pass, shader.calls, shaders, 0);

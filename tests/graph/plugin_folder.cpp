@@ -130,6 +130,32 @@ Technique sky_environment_map() {
   return t;
 }
 
+Technique subdivision() {
+  Technique t = technique("subdivision/catmull_clark");
+  Port surfaces = port("surfaces", PortType::kSurfaces, Direction::kInout);
+  surfaces.vertices = "vertices";
+  surfaces.indices = "indices";
+  const auto buffer = [](std::string name, std::uint32_t flags) {
+    Port p = port(std::move(name), PortType::kBuffer, Direction::kOut, flags);
+    p.byte_size = 4096;
+    p.glsl = "uint " + p.name + "[];";
+    return p;
+  };
+  t.ports = {surfaces, buffer("vertices", HEDDLE_PORT_KEPT), buffer("indices", HEDDLE_PORT_KEPT), buffer("points", 0)};
+  t.parameters = {parameter("levels", ParameterType::kInt, "1", 1, 6, 2)};
+  t.stages = {
+      {"pose",
+       StageKind::kCpu,
+       {touch("points", HEDDLE_ACCESS_HOST_WRITE), touch("indices", HEDDLE_ACCESS_HOST_WRITE)}},
+      {"refine",
+       StageKind::kGpu,
+       {touch("points", HEDDLE_ACCESS_STORAGE_READ), written("vertices"), touch("surfaces", HEDDLE_ACCESS_BATCHES)}}};
+  t.shaders = {shader("refine", ShaderKind::kCompute, "refine")};
+  t.features = {"subdivision.surface"};
+  t.components = {"subdivision.surface"};
+  return t;
+}
+
 Technique gbuffer_raster() {
   Technique t = technique("gbuffer/raster");
   t.ports = {surfaces_in("surfaces"),
@@ -222,6 +248,42 @@ Technique ggx() {
   return t;
 }
 
+Technique tiled() {
+  Technique t = technique("light_assignment/tiled");
+  Port tiling = port("tiling", PortType::kValue, Direction::kOut);
+  tiling.byte_size = 32;
+  tiling.glsl = "uvec4 tiling[2];";
+  Port lists = port("tile_lists", PortType::kBuffer, Direction::kOut);
+  lists.byte_size = 4096;
+  lists.glsl = "uint tile_lists[];";
+  t.ports = {value_in("lights"), value_in("camera"), image_in("depth", HEDDLE_PORT_OPTIONAL), tiling, lists};
+  t.stages = {
+      {"plan", StageKind::kCpu, {value("lights"), value("camera"), value("tiling")}},
+      {"range", StageKind::kGpu, {sampled("depth"), value("camera"), value("tiling"), written("tile_lists")}},
+      {"assign",
+       StageKind::kGpu,
+       {value("lights"), value("camera"), value("tiling"), touch("tile_lists", HEDDLE_ACCESS_STORAGE_READ_WRITE)}}};
+  t.shaders = {shader("range", ShaderKind::kCompute, "range"), shader("assign", ShaderKind::kCompute, "assign")};
+  t.functions = {{"light_assignment",
+                  "tiled.glsl",
+                  {value("lights"), value("camera"), value("tiling"), touch("tile_lists", HEDDLE_ACCESS_STORAGE_READ)},
+                  {},
+                  false}};
+  t.features = {"lights"};
+  return t;
+}
+
+Technique heat_map() {
+  Technique t = technique("light_count/heat_map");
+  t.ports = {image_in("depth"), value_in("camera"), value_in("lights"), image_out("count", VK_FORMAT_R32G32_SFLOAT),
+             image_out("color", VK_FORMAT_R8G8B8A8_UNORM)};
+  t.stages = {{"count",
+               StageKind::kGpu,
+               {sampled("depth"), value("camera"), value("lights"), written("count"), written("color")}}};
+  t.shaders = {shader("count", ShaderKind::kCompute, "count", {"light_assignment"})};
+  return t;
+}
+
 Technique deferred() {
   Technique t = technique("lighting/deferred");
   std::vector<Access> accesses;
@@ -240,7 +302,8 @@ Technique deferred() {
   t.ports.push_back(image_out("radiance", VK_FORMAT_R16G16B16A16_SFLOAT));
   accesses.push_back(touch("radiance", HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_DONT_CARE));
   t.stages = {{"light", StageKind::kGpu, accesses}};
-  t.shaders = {shader("light", ShaderKind::kFullscreen, "light", {"shadow", "surface_material", "sky"})};
+  t.shaders = {
+      shader("light", ShaderKind::kFullscreen, "light", {"shadow", "surface_material", "sky", "light_assignment"})};
   t.parameters = {choice("precision", {"float16", "float32"})};
   return t;
 }
@@ -277,7 +340,8 @@ Technique sorted() {
                StageKind::kGpu,
                {touch("surfaces", HEDDLE_ACCESS_DRAW), value("camera"), value("lights"), blended,
                 touch("depth_buffer", HEDDLE_ACCESS_DEPTH_READ)}}};
-  t.shaders = {shader("blend", ShaderKind::kSurfaces, "draw", {"shadow", "surface_material", "sky"})};
+  t.shaders = {
+      shader("blend", ShaderKind::kSurfaces, "draw", {"shadow", "surface_material", "sky", "light_assignment"})};
   t.features = {"blended"};
   return t;
 }
@@ -327,9 +391,9 @@ PluginFolder::PluginFolder() {
   std::string pattern = (fs::temp_directory_path() / "heddle-graph-XXXXXX").string();
   if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
   folder_ = pattern;
-  for (const Technique& t :
-       {sky_procedural(), sky_uniform(), sky_environment_map(), gbuffer_raster(), gtao(), ray_traced(), shadow_map(),
-        ray_marched_screen(), ggx(), deferred(), supersampled(), sorted(), display(), paint_dots()}) {
+  for (const Technique& t : {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(), gtao(),
+                             ray_traced(), shadow_map(), ray_marched_screen(), ggx(), tiled(), heat_map(), deferred(),
+                             supersampled(), sorted(), display(), paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());

@@ -47,8 +47,12 @@ void prove(const std::string& file, const Registry& registry, std::span<const st
   const Order sequence = order(graph);
   std::vector<MemoryNeed> needs;
   for (const Resource& resource : graph.resources) {
-    const bool has_memory = resource.type == PortType::kImage && resource.previous_version == kNoIndex;
-    needs.push_back({has_memory ? std::uint64_t{4} * resource.width * resource.height * resource.layers : 0, 256});
+    const bool has_memory = resource.previous_version == kNoIndex;
+    const std::uint64_t texels = std::uint64_t{4} * resource.width * resource.height * resource.layers;
+    const std::uint64_t bytes = resource.type == PortType::kImage    ? texels
+                                : resource.type == PortType::kBuffer ? resource.byte_size
+                                                                     : 0;
+    needs.push_back({has_memory ? bytes : 0, 256});
   }
   const Placement placement = alias(graph, sequence, needs, wanted);
   const BarrierPlan plan = plan_barriers(graph, sequence, placement, wanted);
@@ -61,7 +65,7 @@ void prove(const std::string& file, const Registry& registry, std::span<const st
 class ShippedGraphs : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedGraphs, ResolveWithEveryBarrierProven) {
-  const std::vector<std::string> features{"blended", "environment"};
+  const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface"};
   prove(GetParam(), test_support::shared_registry(), {});
   prove(GetParam(), test_support::shared_registry(), features);
 }
@@ -71,11 +75,11 @@ TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
   if (!std::filesystem::exists(plugins)) GTEST_SKIP() << "no plugins are built in " << plugins;
   const Registry registry({plugins});
   for (const char* id :
-       {"sky/procedural", "sky/uniform", "sky/environment_map", "gbuffer/raster", "ambient_occlusion/gtao",
+       {"sky/procedural", "sky/uniform", "sky/environment_map", "subdivision/catmull_clark", "gbuffer/raster", "ambient_occlusion/gtao",
         "ambient_occlusion/ray_traced", "shadow/shadow_map", "shadow/ray_marched_screen", "surface_material/ggx",
-        "lighting/deferred", "transparency/sorted", "display/linear"})
+        "light_assignment/tiled", "light_count/heat_map", "lighting/deferred", "transparency/sorted", "display/linear"})
     if (registry.find(id).technique == nullptr) GTEST_SKIP() << id << " is not built";
-  const std::vector<std::string> features{"blended", "environment"};
+  const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface"};
   prove(GetParam(), registry, {});
   prove(GetParam(), registry, features);
 }
@@ -90,6 +94,29 @@ TEST(DeferredGraph, RunsInTheOrderThatThePortsDemand) {
       sequence_of(graph, order(graph)),
       "sky.sun shadow.views sky.sky_map sky.filter gbuffer.draw ao.horizon ao.denoise shadow.draw material.tables "
       "lighting.light display.encode");
+}
+
+TEST(DeferredGraph, DrawsAndTracesWhatSubdivisionMakes) {
+  const std::array<std::string, 1> features{"subdivision.surface"};
+  ResolvedGraph graph = resolve(read_graph(graphs() / "reference_ao.toml"), test_support::shared_registry());
+  prune(graph, std::array{graph.output}, features);
+  const Order sequence = order(graph);
+  const std::string text = sequence_of(graph, sequence);
+  EXPECT_LT(text.find("subdivision.refine"), text.find("gbuffer.draw"));
+  EXPECT_LT(text.find("subdivision.refine"), text.find("shadow.draw"));
+  for (const char* reader : {"gbuffer", "shadow", "ao"}) {
+    const auto pass = std::ranges::find(graph.passes, reader, &Pass::name);
+    EXPECT_EQ(graph.resources[pass->ports.at("surfaces")].name, "subdivision.surfaces") << reader;
+  }
+  for (const ScheduledStage& stage : sequence.stages) {
+    const std::string& name = graph.passes[stage.pass].name;
+    if (name != "gbuffer" && name != "ao") continue;
+    const auto use =
+        std::ranges::find(stage.uses, find_resource(graph, "subdivision.vertices"), &ScheduledStage::Use::resource);
+    ASSERT_NE(use, stage.uses.end()) << name;
+    EXPECT_EQ(use->access, name == "ao" ? HEDDLE_ACCESS_HOST_READ : HEDDLE_ACCESS_DRAW);
+    EXPECT_TRUE(use->reads && !use->writes);
+  }
 }
 
 TEST(DeferredGraph, RunsTheSameInWhateverOrderThePassesWithNamedPortsStand) {

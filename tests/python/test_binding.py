@@ -8,15 +8,16 @@ import subprocess
 import pytest
 
 from heddle import _library
-from heddle.host import ALPHA_MODES, LIGHT_TYPES
+from heddle.host import ALPHA_MODES, LIGHT_TYPES, TONE_MAPPERS
 
-POINTERS_TO_OPAQUE = ("heddle_host", "heddle_scene", "heddle_graph")
+POINTERS_TO_OPAQUE = ("heddle_host", "heddle_scene", "heddle_graph", "heddle_comparison")
 STRUCTURES = {
     "heddle_host_options": _library.HostOptions, "heddle_image": _library.Image, "heddle_texture": _library.Texture,
     "heddle_mesh": _library.Mesh, "heddle_material": _library.SceneMaterial, "heddle_light": _library.SceneLight,
     "heddle_camera": _library.Camera, "heddle_render_options": _library.RenderOptions, "HeddleLight": _library.Light,
     "HeddleMaterial": _library.Material, "heddle_triangles": _library.Triangles,
     "heddle_load_options": _library.LoadOptions, "heddle_environment": _library.Environment,
+    "heddle_compare_options": _library.CompareOptions,
 }
 
 
@@ -32,6 +33,8 @@ def c_type(text):
         return {1: ctypes.c_void_p, 2: ctypes.POINTER(ctypes.c_void_p)}[stars]
     if name == "char":
         return {1: ctypes.c_char_p, 2: ctypes.POINTER(ctypes.c_char_p)}[stars]
+    if name == "void" and stars:
+        return {1: ctypes.c_void_p, 2: ctypes.POINTER(ctypes.c_void_p)}[stars]
     plain = {"uint8_t": ctypes.c_uint8, "void": None, "heddle_status": ctypes.c_int32, "uint32_t": ctypes.c_uint32, "uint64_t": ctypes.c_uint64,
              "double": ctypes.c_double, "float": ctypes.c_float}
     base = plain[name] if name in plain else STRUCTURES[name]
@@ -59,14 +62,16 @@ def test_every_exported_function_is_bound_with_its_types(root):
 # Constants of the headers that the package says in words of its own, by prefix: None where they are methods' business.
 CONSTANTS = {
     "HEDDLE_NONE": _library.NONE, "HEDDLE_HOST_VALIDATION": _library.HOST_VALIDATION, "HEDDLE_HOST_CHECK": _library.HOST_CHECK,
-    "HEDDLE_HOST_REMAKE": _library.HOST_REMAKE,
+    "HEDDLE_HOST_REMAKE": _library.HOST_REMAKE, "HEDDLE_HOST_LIVE": _library.HOST_LIVE,
     "HEDDLE_RENDER_PROFILE": _library.RENDER_PROFILE, "HEDDLE_RENDER_ANEW": _library.RENDER_ANEW,
     "HEDDLE_CANCELLED": _library.CANCELLED, "HEDDLE_ANIMATION_LOOP": _library.ANIMATION_LOOP,
     "HEDDLE_LOAD_TRUSTED": _library.LOAD_TRUSTED, "HEDDLE_TEXTURE_COUNT": _library.TEXTURE_COUNT,
     "HEDDLE_OWNER_SCENE": _library.OWNER_SCENE, "HEDDLE_OWNER_INSTANCE": _library.OWNER_INSTANCE,
     "HEDDLE_OWNER_MATERIAL": _library.OWNER_MATERIAL, "HEDDLE_OWNER_LIGHT": _library.OWNER_LIGHT,
     "HEDDLE_LIGHT_CASTS_SHADOW": 1, "HEDDLE_MATERIAL_DOUBLE_SIDED": 1, "HEDDLE_MATERIAL_UNLIT": 2,
-    "HEDDLE_FILTER_NEAREST_MAGNIFIED": 1,
+    "HEDDLE_FILTER_NEAREST_MAGNIFIED": 1, "HEDDLE_HOST_REMAKE": _library.HOST_REMAKE,
+    "HEDDLE_COMPARE_MAPS": _library.COMPARE_MAPS,
+    **{f"HEDDLE_TONE_MAPPER_{name.upper()}": i for i, name in enumerate(TONE_MAPPERS)},
     **{f"HEDDLE_LIGHT_{name.upper()}": i for i, name in enumerate(LIGHT_TYPES)},
     **{f"HEDDLE_ALPHA_{name.upper()}": i for i, name in enumerate(ALPHA_MODES)},
 }

@@ -82,9 +82,11 @@ def test_an_overlay_extends_a_shipped_graph_by_name(host, tmp_path):
     file.write_text('extends = "defered"\n')
     with pytest.raises(heddle.Error) as error:
         host.graph(file)
-    shipped = heddle._library.find().resolve().parent / "heddle" / "graphs" / "defered.toml"
+    folder = heddle._library.find().resolve().parent / "heddle" / "graphs"
+    shipped = folder / "defered.toml"
+    names = ", ".join(sorted(path.stem for path in folder.glob("*.toml")))
     assert str(error.value) == (f"{file}:1:11: error: there is neither a file nor a shipped graph 'defered'\n"
-                                f"  expected: one of the files {tmp_path}/defered and {shipped}\n"
+                                f"  expected: one of the files {tmp_path}/defered and {shipped}; shipped are {names}\n"
                                 "  help:     did you mean 'deferred'?")
 
 

@@ -41,7 +41,7 @@ def test_get_says_what_set_and_the_file_said(host):
         assert set(graph.get()) >= {"extent", "output", "params", "joins", "sky", "gbuffer", "ao", "display"}
         for key, text in (
             ("ao.params.radus", "error: 'ao.params' has no setting 'radus'\n  expected: one of "),
-            ("a0", "error: the graph has no setting 'a0'\n  expected: one of extent, output, params, joins, sky, "),
+            ("a0", "error: the graph has no setting 'a0'\n  expected: one of kind, extent, output, params, joins, sky, "),
             ("extent.x", "error: 'extent' has no setting 'x'\n  expected: nothing behind it"),
         ):
             with pytest.raises(heddle.Error) as raised:

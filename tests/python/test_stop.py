@@ -97,3 +97,20 @@ def test_a_cancelled_frame_says_so_and_the_next_one_renders(host):
         assert str(error.value) == "error: stopped, as heddle_cancel asked for"
         graph.render(scene)
         assert (graph.read() == before).all()
+
+
+@pytest.mark.parametrize("place", ["the file itself", "build", "update"])
+def test_one_signal_stops_a_scene_that_never_returns(command, root, tmp_path, place):
+    scene = tmp_path / "endless.py"
+    begun = tmp_path / "begun"
+    endless = f"open({str(begun)!r}, 'w').close()\n{{indent}}while True:\n{{indent}}    pass\n"
+    parts = {"the file itself": endless.format(indent=""),
+             "build": "def build(scene):\n    " + endless.format(indent="    "),
+             "update": "def build(scene):\n    pass\ndef update(scene, time):\n    " + endless.format(indent="    ")}
+    scene.write_text(parts[place])
+    process = start(command, root, [str(scene), "--output", str(tmp_path / "never.png")])
+    wait_for(begun.exists, process)
+    process.send_signal(signal.SIGINT)
+    stderr = process.communicate()[1]
+    assert process.returncode == 130, stderr
+    assert stderr.splitlines()[-1] == "stopped"

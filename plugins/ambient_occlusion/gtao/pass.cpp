@@ -43,16 +43,11 @@ struct Gtao {
   }
 };
 
-constexpr heddle_technique kGtao = [] {
-  heddle_technique t = technique<Gtao>("ambient_occlusion/gtao", "Ground-truth ambient occlusion from the depth image",
-                                       "Jimenez, Wu, Pesce and Jarabo 2016, Practical Realtime Strategies for Accurate "
-                                       "Indirect Occlusion");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kGtao =
+    technique<Gtao>("ambient_occlusion/gtao", "Ground-truth ambient occlusion from the depth image",
+                    "Jimenez, Wu, Pesce and Jarabo 2016, Practical Realtime Strategies for Accurate "
+                    "Indirect Occlusion",
+                    kPorts, kParameters, kStages, kShaders);
 
 }  // namespace
 

@@ -215,11 +215,9 @@ class RayTraced {
 constexpr heddle_technique kRayTraced = [] {
   heddle_technique t = technique<RayTraced>(
       "ambient_occlusion/ray_traced", "Ambient occlusion by rays through the scene's triangles, on the CPU",
-      "Zhukov, Iones and Kronin 1998, An Ambient Light Illumination Model; Wald et al. 2014, Embree", 1,
-      HEDDLE_TECHNIQUE_REFERENCE);
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
+      "Zhukov, Iones and Kronin 1998, An Ambient Light Illumination Model; Wald et al. 2014, Embree", kPorts,
+      kParameters, kStages);
+  t.flags = HEDDLE_TECHNIQUE_REFERENCE;
   return t;
 }();
 

@@ -243,15 +243,9 @@ class Ssao {
   std::vector<double> pattern_of_;  // parameters that the pattern was made from; empty: none yet
 };
 
-constexpr heddle_technique kSsao = [] {
-  heddle_technique t = technique<Ssao>("ambient_occlusion/ssao", "Screen-space ambient occlusion by point samples",
-                                       "Filion and McNaughton 2008, Effects & Techniques (StarCraft II)");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kSsao = technique<Ssao>(
+    "ambient_occlusion/ssao", "Screen-space ambient occlusion by point samples",
+    "Filion and McNaughton 2008, Effects & Techniques (StarCraft II)", kPorts, kParameters, kStages, kShaders);
 
 }  // namespace
 

@@ -132,11 +132,8 @@ class Multiframe {
 constexpr heddle_technique kMultiframe = [] {
   heddle_technique t = technique<Multiframe>(
       "antialiasing/multiframe", "A mean that grows from frame to frame",
-      "Limberger, Tausche, Linke and Doellner, 2016, Progressive Rendering Using Multi-frame Sampling");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
+      "Limberger, Tausche, Linke and Doellner, 2016, Progressive Rendering Using Multi-frame Sampling", kPorts,
+      kParameters, kStages, kShaders);
   t.loop = &sampling::kCameraLoop;
   return t;
 }();

@@ -79,14 +79,10 @@ class Supersampled {
 };
 
 constexpr heddle_technique kSupersampled = [] {
-  heddle_technique t =
-      technique<Supersampled>("antialiasing/supersampled", "The mean of n moved cameras",
-                              "Roberts, 2018, The Unreasonable Effectiveness of Quasirandom Sequences");
+  heddle_technique t = technique<Supersampled>("antialiasing/supersampled", "The mean of n moved cameras",
+                                               "Roberts, 2018, The Unreasonable Effectiveness of Quasirandom Sequences",
+                                               kPorts, kParameters, kStages, kShaders);
   t.flags = HEDDLE_TECHNIQUE_REFERENCE;
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
   t.loop = &sampling::kCameraLoop;
   return t;
 }();

@@ -21,13 +21,9 @@ struct Linear {
 };
 
 constexpr heddle_technique kLinear = [] {
-  heddle_technique t =
-      technique<Linear>("display/linear", "Exposure, clipping, sRGB", "ISO 12232:2019; IEC 61966-2-1:1999");
+  heddle_technique t = technique<Linear>("display/linear", "Exposure, clipping, sRGB",
+                                         "ISO 12232:2019; IEC 61966-2-1:1999", kPorts, kParameters, kStages, kShaders);
   t.flags = HEDDLE_TECHNIQUE_REFERENCE;
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
   return t;
 }();
 

@@ -94,15 +94,9 @@ class Ocio {
   bool are_tables_written_ = false;
 };
 
-constexpr heddle_technique kOcio = [] {
-  heddle_technique t = technique<Ocio>("display/ocio", "Displays and views of OpenColorIO: ACES and config files",
-                                       "OpenColorIO 2.1; Academy Color Encoding System 1.x, output transforms");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kOcio = technique<Ocio>(
+    "display/ocio", "Displays and views of OpenColorIO: ACES and config files",
+    "OpenColorIO 2.1; Academy Color Encoding System 1.x, output transforms", kPorts, kParameters, kStages, kShaders);
 
 }  // namespace
 

@@ -69,12 +69,9 @@ struct Raster {
 
 constexpr heddle_technique kRaster = [] {
   heddle_technique t = technique<Raster>("gbuffer/raster", "Surfaces drawn into images of their data",
-                                         "Saito and Takahashi 1990, Comprehensible Rendering of 3-D Shapes");
+                                         "Saito and Takahashi 1990, Comprehensible Rendering of 3-D Shapes", kPorts,
+                                         kParameters, kStages, kShaders);
   t.flags = HEDDLE_TECHNIQUE_REFERENCE;
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
   return t;
 }();
 

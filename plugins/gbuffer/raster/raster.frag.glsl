@@ -9,12 +9,15 @@
 #include "surface_sample.glsl"
 #include "view.glsl"
 
-// Previous minus current position in the image, neither jittered; 0 where the point was behind the camera.
+// Previous minus current position in the image, neither jittered; 0 where the point was behind the camera. Both are
+// rounded alike, in the same steps: what stands still has moved by exactly 0.
 vec2 motion_px() {
-  vec4 clip = view.previous_clip_from_rel * vec4(surface.previous_position_rel, 1.0);
-  if (clip.w <= 0.0) return vec2(0.0);
-  vec2 previous_px = (clip.xy / clip.w * 0.5 + 0.5) * vec2(view.extent);
-  return clamp(previous_px - (gl_FragCoord.xy - view.jitter), -kMaxHalf, kMaxHalf);
+  precise vec4 before = view.previous_clip_from_rel * vec4(surface.previous_position_rel, 1.0);
+  if (before.w <= 0.0) return vec2(0.0);
+  precise vec4 now = view.clip_from_rel * vec4(surface.position_rel, 1.0);
+  precise vec2 previous_px = before.xy / before.w * (0.5 * vec2(view.extent));
+  precise vec2 current_px = now.xy / now.w * (0.5 * vec2(view.extent));
+  return clamp(previous_px - current_px + view.jitter, -kMaxHalf, kMaxHalf);
 }
 
 void main() {

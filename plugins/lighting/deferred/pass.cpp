@@ -15,6 +15,7 @@ constexpr heddle_port kPorts[] = {
     image_in("visibility", "ambient occlusion: darkens the environment's light alone", HEDDLE_PORT_OPTIONAL),
     value_in("camera", "the view that made depth"),
     value_in("lights", "every light of the frame"),
+    value_in("light_textures", "images on rectangle lights", HEDDLE_PORT_OPTIONAL),
     image_out("radiance", VK_FORMAT_R16G16B16A16_SFLOAT, "towards the camera [cd/m^2]; a: 1 where there is a surface"),
 };
 
@@ -27,13 +28,13 @@ constexpr heddle_parameter kParameters[] = {
 };
 
 constexpr heddle_access kShade[] = {
-    sampled("depth"),    sampled("normal"),        sampled("normal_geometric"), sampled("base_color"),
-    sampled("material"), sampled("emissive"),      sampled("visibility"),       value("camera"),
-    value("lights"),     color_target("radiance"),
+    sampled("depth"),    sampled("normal"),       sampled("normal_geometric"), sampled("base_color"),
+    sampled("material"), sampled("emissive"),     sampled("visibility"),       value("camera"),
+    value("lights"),     value("light_textures"), color_target("radiance"),
 };
 constexpr heddle_stage kStages[] = {gpu_stage("shade", kShade)};
 constexpr heddle_shader kShaders[] = {
-    fullscreen_shader("shade", "shade", "shade.frag.glsl", "surface_material shadow sky"),
+    fullscreen_shader("shade", "shade", "shade.frag.glsl", "light_assignment surface_material shadow sky"),
 };
 
 struct Deferred {
@@ -45,13 +46,11 @@ struct Deferred {
 };
 
 constexpr heddle_technique kDeferred = [] {
-  heddle_technique t = technique<Deferred>("lighting/deferred", "Every light at every pixel, one after the other",
-                                           "Karis 2013, Real Shading in Unreal Engine 4");
+  heddle_technique t =
+      technique<Deferred>("lighting/deferred", "Every light at every pixel, one after the other",
+                          "Karis 2013, Real Shading in Unreal Engine 4", kPorts, kParameters, kStages, kShaders);
+  t.role_revision = 3;
   t.flags = HEDDLE_TECHNIQUE_REFERENCE;
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
   return t;
 }();
 

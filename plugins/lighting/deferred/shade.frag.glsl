@@ -30,7 +30,7 @@ void main() {
   } else {
     SurfacePoint point = SurfacePoint(base.rgb, stored.r, stored.g, 1.0 + 2.0 * stored.a);
     float open = clamp(fetch_visibility(pixel).r, 0.0, 1.0) * stored.b;
-    sum += shade_surface(point, position_rel, N, normal, V, open);
+    sum += shade_surface(point, gl_FragCoord.xy, position_rel, N, normal, V, open);
   }
   radiance = vec4(clamp(sum, 0.0, params.precision_ == 0u ? kMaxHalf : kMaxFloat), 1.0);
 }

@@ -9,6 +9,7 @@ constexpr heddle_port kPorts[] = {
     surfaces_in("surfaces", "what to draw; blended batches are left out"),
     value_in("camera", "where from"),
     value_in("lights", "every light of the frame"),
+    value_in("light_textures", "images on rectangle lights", HEDDLE_PORT_OPTIONAL),
     image_in("visibility", "ambient occlusion: darkens the environment's light alone", HEDDLE_PORT_OPTIONAL),
     [] {
       heddle_port p = port("depth_buffer", HEDDLE_PORT_IMAGE, HEDDLE_INOUT,
@@ -33,8 +34,13 @@ constexpr heddle_access kDepth[] = {
     access("depth_buffer", HEDDLE_ACCESS_DEPTH, HEDDLE_LOAD_CLEAR_NEW),
 };
 constexpr heddle_access kShade[] = {
-    drawn("surfaces"),     value("camera"),          value("lights"),
-    sampled("visibility"), color_target("radiance"), depth_tested("depth_buffer"),
+    drawn("surfaces"),
+    value("camera"),
+    value("lights"),
+    value("light_textures"),
+    sampled("visibility"),
+    color_target("radiance"),
+    depth_tested("depth_buffer"),
 };
 enum : std::uint32_t { kDepthStage, kShadeStage };
 constexpr heddle_stage kStages[] = {gpu_stage("depth", kDepth), gpu_stage("shade", kShade)};
@@ -44,7 +50,7 @@ constexpr heddle_shader kShaders[] = {
     fullscreen_shader("background", "shade", "background.frag.glsl", "sky"),
     [] {
       heddle_shader s = surfaces_shader("surface", "shade", "surface.frag.glsl");
-      s.calls = "surface_material shadow sky";
+      s.calls = "light_assignment surface_material shadow sky";
       return s;
     }(),
 };
@@ -70,12 +76,10 @@ struct Forward {
 };
 
 constexpr heddle_technique kForward = [] {
-  heddle_technique t = technique<Forward>("lighting/forward", "Every light at every surface while it is drawn",
-                                          "Karis 2013, Real Shading in Unreal Engine 4", 2);
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
+  heddle_technique t =
+      technique<Forward>("lighting/forward", "Every light at every surface while it is drawn",
+                         "Karis 2013, Real Shading in Unreal Engine 4", kPorts, kParameters, kStages, kShaders);
+  t.role_revision = 3;
   return t;
 }();
 

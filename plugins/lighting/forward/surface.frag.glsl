@@ -20,8 +20,8 @@ void main() {
   } else {
     vec3 V = direction_to_view(camera, surface.position_rel);
     float open = clamp(fetch_visibility(ivec2(gl_FragCoord.xy)).r, 0.0, 1.0) * clamp(s.occlusion, 0.0, 1.0);
-    sum = s.emissive + shade_surface(surface_point(s), surface.position_rel, normal_towards_viewer(s.normal, V),
-                                     s.normal_geometric, V, open);
+    sum = s.emissive + shade_surface(surface_point(s), gl_FragCoord.xy, surface.position_rel,
+                                     normal_towards_viewer(s.normal, V), s.normal_geometric, V, open);
   }
   radiance = vec4(clamp(sum, 0.0, params.precision_ == 0u ? kMaxHalf : kMaxFloat), 1.0);
 }

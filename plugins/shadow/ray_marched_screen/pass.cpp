@@ -30,10 +30,8 @@ constexpr heddle_technique kRayMarchedScreen = [] {
   heddle_technique t = technique<Nothing>(
       "shadow/ray_marched_screen", "Contact shadows: rays marched over the main view's depth",
       "Sousa, Kasyan and Schulz 2011, Secrets of CryENGINE 3 Graphics Technology; McGuire and Mara 2014, Efficient GPU "
-      "Screen-Space Ray Tracing");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.functions = list(kFunctions, t.function_count);
+      "Screen-Space Ray Tracing",
+      kPorts, kParameters, kFunctions);
   t.components = "shadow.settings";
   return t;
 }();

@@ -2,37 +2,25 @@
 // Visibility of a light at a point, looked up in the light's depth maps: normal offset, then percentage-closer filtering.
 // Source  Williams 1978, "Casting curved shadows on curved surfaces"; Reeves, Salesin, Cook 1987, "Rendering antialiased
 //         shadows with depth maps"; the offset is README equation (1)
-// in      lights, light_views (LightViews in views.hpp: x first view, y views, z kLayout*, w filter radius in texels),
-//         shadow_views (6 vec4 a view, ShadowView in views.hpp), kernel (xy: taps in filter radii), atlas (reversed depth, a layer a view)
+// in      lights, light_views (LightViews in views.hpp: x first map, y maps, z kLayout*, w filter radius in texels),
+//         shadow_views (7 vec4 a map, LookupView in depth_maps.hpp), kernel (xy: taps in filter radii), atlas (reversed
+//         depth)
 // loops   over cascades (<= 4) and taps (<= 64)
 
-#include "normal_offset.glsl"
+#include "depth_map.glsl"
 
 const uint kLayoutCascades = 1u;  // = views.hpp Layout
 const uint kLayoutSpot = 2u;
 const uint kLayoutCube = 3u;
 const uint kLayoutBox = 4u;
-const uint kVectorsPerView = 6u;
 // Where the shadow of a directional light begins to fade, as a fraction of `distance`.
 const float kFadeStart = 0.9;
 
-struct ShadowMapView {
-  mat4 clip_from_rel;
-  vec3 axis;        // the way the view looks, unit
-  float texel_size; // metres; perspective: metres at distance 1 along the axis
-  vec3 eye_rel;
-  float guard;      // width of the border, in ndc, that only filters may read
-};
-
-ShadowMapView load_shadow_map_view(uint index) {
-  uint i = index * kVectorsPerView;
-  ShadowMapView view;
-  view.clip_from_rel = mat4(shadow_views[i], shadow_views[i + 1u], shadow_views[i + 2u], shadow_views[i + 3u]);
-  view.axis = shadow_views[i + 4u].xyz;
-  view.texel_size = shadow_views[i + 4u].w;
-  view.eye_rel = shadow_views[i + 5u].xyz;
-  view.guard = shadow_views[i + 5u].w;
-  return view;
+DepthMap load_map(uint index) {
+  uint i = index * kVectorsPerDepthMap;
+  return unpack_depth_map(vec4[kVectorsPerDepthMap](shadow_views[i], shadow_views[i + 1u], shadow_views[i + 2u],
+                                                    shadow_views[i + 3u], shadow_views[i + 4u], shadow_views[i + 5u],
+                                                    shadow_views[i + 6u]));
 }
 
 // Index of the cube face (+X, -X, +Y, -Y, +Z, -Z) that a direction falls on.
@@ -43,13 +31,12 @@ uint cube_face(vec3 direction) {
   return direction.z >= 0.0 ? 4u : 5u;
 }
 
-float filtered_visibility(uint layer, vec3 ndc, float filter_radius) {
-  vec2 uv = ndc.xy * 0.5 + 0.5;
-  float radius_uv = filter_radius / float(size_atlas().x);
+float filtered_visibility(DepthMap map, vec3 ndc, float filter_radius) {
+  float texel_uv = 1.0 / float(size_atlas().x);
   uint taps = uint(kernel.length());
   float sum = 0.0;
   for (uint i = 0u; i < taps; ++i) {
-    sum += compare_atlas(uv + kernel[i].xy * radius_uv, int(layer), max(ndc.z, 0.0));
+    sum += compare_atlas(depth_map_tap(map, ndc.xy, kernel[i].xy, filter_radius, texel_uv), map.layer, ndc.z);
   }
   return sum / float(max(taps, 1u));
 }
@@ -62,10 +49,9 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
   float filter_radius = uintBitsToFloat(slot.w);
   bool is_parallel = layout_kind == kLayoutCascades || layout_kind == kLayoutBox;
   HeddleLight source = lights[light];
-  uint index = slot.x;
-  ShadowMapView view = load_shadow_map_view(index);
+  DepthMap map = load_map(slot.x);
 
-  vec3 from_light = position_rel - view.eye_rel;
+  vec3 from_light = position_rel - map.eye_rel;
   float light_distance = length(from_light);
   bool is_segment = source.type == HEDDLE_LIGHT_CAPSULE || source.type == HEDDLE_LIGHT_WEDGE;
   bool has_extent = is_segment || source.type == HEDDLE_LIGHT_SPHERE || source.type == HEDDLE_LIGHT_RECTANGLE;
@@ -79,25 +65,23 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
   if (!has_extent && dot(normal, L) <= 0.0) return 0.0;
 
   float fade = 0.0;
-  float texel_size = view.texel_size;
+  float texel_size = map.texel_size;
   if (layout_kind == kLayoutCascades) {
     // The finest cascade that holds the point and what the filter reads around it.
     uint chosen = slot.y;
     for (uint i = 0u; i < slot.y; ++i) {
-      ShadowMapView candidate = load_shadow_map_view(slot.x + i);
-      vec4 clip = candidate.clip_from_rel * vec4(position_rel, 1.0);
-      if (max(abs(clip.x), abs(clip.y)) <= 1.0 - candidate.guard) {
+      DepthMap candidate = load_map(slot.x + i);
+      if (depth_map_edge(candidate, candidate.clip_from_rel * vec4(position_rel, 1.0)) <= 1.0) {
         chosen = i;
-        view = candidate;
+        map = candidate;
         break;
       }
     }
     if (chosen == slot.y) return 1.0;
-    index = slot.x + chosen;
-    texel_size = view.texel_size;
+    texel_size = map.texel_size;
     fade = clamp((length(position_rel) / params.distance - kFadeStart) / (1.0 - kFadeStart), 0.0, 1.0);
   } else if (layout_kind == kLayoutSpot) {
-    texel_size *= max(dot(from_light, view.axis), 0.0);
+    texel_size *= max(dot(from_light, map.axis), 0.0);
   } else if (layout_kind == kLayoutCube) {
     vec3 size = abs(from_light);
     texel_size *= max(size.x, max(size.y, size.z));
@@ -106,19 +90,9 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
   if (layout_kind == kLayoutCube) {
     // The face of the point itself, also for the lookup: the offset is made for this face's plane, and the guard holds
     // lookups that it moves across the seam.
-    index = slot.x + cube_face(from_light);
-    view = load_shadow_map_view(index);
+    map = load_map(slot.x + cube_face(from_light));
   }
-  float along = dot(normal, view.axis);
-  float normal_across = sqrt(max(1.0 - along * along, 0.0));
-  float offset =
-      normal_offset(filter_radius, texel_size, normal_across, length(position_rel) + light_distance);
-  vec3 lookup = position_rel + normal * offset;
-  // No branch from here on: the lookup depends on parameters, and lavapipe 22.3 looks for uniforms in the conditions of
-  // branches and writes past its own table for the fourth block and later ones.
-  vec4 clip = view.clip_from_rel * vec4(lookup, 1.0);
-  vec3 ndc = clip.xyz / max(clip.w, 1e-30);
-  bool is_covered = all(bvec2(clip.w > 0.0, max(abs(ndc.x), abs(ndc.y)) <= 1.0));
-  float visibility = mix(filtered_visibility(index, is_covered ? ndc : vec3(0.0), filter_radius), 1.0, fade);
-  return is_covered ? visibility : 1.0;
+  vec4 place = depth_map_lookup(map, position_rel, normal, filter_radius, texel_size, light_distance);
+  float visibility = filtered_visibility(map, place.xyz, filter_radius);
+  return place.w > 0.0 ? mix(visibility, 1.0, fade) : 1.0;
 }

@@ -261,12 +261,8 @@ constexpr heddle_technique kEnvironmentMap = [] {
       technique<EnvironmentMap>("sky/environment_map", "The scene's environment image, filtered for all roughnesses",
                                 "Karis 2013, Real Shading in Unreal Engine 4; Krivanek and Colbert 2008, Real-time "
                                 "Shading with Filtered Importance Sampling",
-                                2);
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  t.functions = list(kFunctions, t.function_count);
+                                kPorts, kParameters, kStages, kShaders, kFunctions);
+  t.role_revision = 2;
   t.features = "environment";
   return t;
 }();

@@ -168,19 +168,12 @@ class ProceduralSky {
   std::array<std::vector<double>, kStageCount> made_from_;  // parameters of each stage's images; empty: none yet
 };
 
-constexpr heddle_technique kProceduralSky = [] {
-  heddle_technique t =
-      technique<ProceduralSky>("sky/procedural", "Clear sky: Rayleigh, Mie and ozone, with the sun as a light",
-                               "Bruneton and Neyret 2008, Precomputed Atmospheric Scattering; Hillaire 2020, A "
-                               "Scalable and Production Ready Sky "
-                               "and Atmosphere Rendering Technique");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  t.functions = list(kFunctions, t.function_count);
-  return t;
-}();
+constexpr heddle_technique kProceduralSky =
+    technique<ProceduralSky>("sky/procedural", "Clear sky: Rayleigh, Mie and ozone, with the sun as a light",
+                             "Bruneton and Neyret 2008, Precomputed Atmospheric Scattering; Hillaire 2020, A "
+                             "Scalable and Production Ready Sky "
+                             "and Atmosphere Rendering Technique",
+                             kPorts, kParameters, kStages, kShaders, kFunctions);
 
 }  // namespace
 

@@ -11,12 +11,8 @@ constexpr heddle_parameter kParameters[] = {
 };
 constexpr heddle_function kFunctions[] = {function("sky", "uniform.glsl")};
 
-constexpr heddle_technique kUniformSky = [] {
-  heddle_technique t = technique<Nothing>("sky/uniform", "The same radiance from every direction", "definition");
-  t.parameters = list(kParameters, t.parameter_count);
-  t.functions = list(kFunctions, t.function_count);
-  return t;
-}();
+constexpr heddle_technique kUniformSky =
+    technique<Nothing>("sky/uniform", "The same radiance from every direction", "definition", kParameters, kFunctions);
 
 }  // namespace
 

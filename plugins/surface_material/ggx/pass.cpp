@@ -52,17 +52,11 @@ const heddle_function kFunctions[] = {
     function("surface_material", "surface_material.glsl", kReads, nullptr, heddle::ggx::service()),
 };
 
-const heddle_technique kGgx = [] {
-  heddle_technique t = technique<Ggx>(
-      "surface_material/ggx", "GGX with all bounces, and a diffuse layer that takes what is left",
-      "Walter et al. 2007, Microfacet Models for Refraction through Rough Surfaces; Kulla and Conty 2017, Revisiting "
-      "Physically Based Shading at Imageworks");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.functions = list(kFunctions, t.function_count);
-  return t;
-}();
+const heddle_technique kGgx =
+    technique<Ggx>("surface_material/ggx", "GGX with all bounces, and a diffuse layer that takes what is left",
+                   "Walter et al. 2007, Microfacet Models for Refraction through Rough Surfaces; Kulla and Conty 2017, "
+                   "Revisiting Physically Based Shading at Imageworks",
+                   kPorts, kParameters, kStages, kFunctions);
 
 }  // namespace
 

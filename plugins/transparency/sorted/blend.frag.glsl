@@ -40,7 +40,8 @@ void main() {
       through = transmission * point.base_color * left_by_specular(point, N, V);  // (2)
       point.base_color *= 1.0 - transmission;                                     // (4)
     }
-    sum = s.emissive + shade_surface(point, surface.position_rel, N, s.normal_geometric, V, clamp(s.occlusion, 0.0, 1.0));
+    sum = s.emissive + shade_surface(point, gl_FragCoord.xy, surface.position_rel, N, s.normal_geometric, V,
+                                     clamp(s.occlusion, 0.0, 1.0));
   }
   // (1) Infinity times the next layer's tint of 0 would be NaN.
   radiance = vec4(clamp(coverage * sum, 0.0, push.largest), coverage);

@@ -9,6 +9,7 @@ constexpr heddle_port kPorts[] = {
     surfaces_in("surfaces", "blended batches are drawn, the others left out"),
     value_in("camera", "the view that made radiance and depth_buffer"),
     value_in("lights", "every light of the frame"),
+    value_in("light_textures", "images on rectangle lights", HEDDLE_PORT_OPTIONAL),
     image_in("depth_buffer", "reversed depth of the surfaces that are in radiance already"),
     port("radiance", HEDDLE_PORT_IMAGE, HEDDLE_INOUT, "towards the camera [cd/m^2]; a: share that surfaces cover"),
 };
@@ -26,6 +27,7 @@ constexpr heddle_access kDraw[] = {
     drawn("surfaces"),
     value("camera"),
     value("lights"),
+    value("light_textures"),
     color_blended("radiance", HEDDLE_BLEND_TINT),
     depth_tested("depth_buffer"),
 };
@@ -33,7 +35,7 @@ constexpr heddle_stage kStages[] = {gpu_stage("draw", kDraw)};
 constexpr heddle_shader kShaders[] = {
     [] {
       heddle_shader s = surfaces_shader("blend", "draw", "blend.frag.glsl");
-      s.calls = "surface_material shadow sky";
+      s.calls = "light_assignment surface_material shadow sky";
       return s;
     }(),
 };
@@ -57,13 +59,11 @@ struct Sorted {
 };
 
 constexpr heddle_technique kSorted = [] {
-  heddle_technique t = technique<Sorted>("transparency/sorted", "Blended surfaces from the farthest to the nearest",
-                                         "Porter and Duff 1984, Compositing Digital Images");
+  heddle_technique t =
+      technique<Sorted>("transparency/sorted", "Blended surfaces from the farthest to the nearest",
+                        "Porter and Duff 1984, Compositing Digital Images", kPorts, kParameters, kStages, kShaders);
+  t.role_revision = 2;
   t.flags = HEDDLE_TECHNIQUE_REFERENCE;
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
   t.features = "blended";
   t.device_features = "dualSrcBlend";
   t.fallback = "none: without it blended surfaces are not drawn; choose transparency.technique = \"none\"";

@@ -26,14 +26,8 @@ struct Work {
   bool is_empty;
 };
 
-constexpr heddle_technique kWork = [] {
-  heddle_technique t = technique<Work>("chain/work", "Steps of the logistic map", "Verhulst 1838");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kWork =
+    technique<Work>("chain/work", "Steps of the logistic map", "Verhulst 1838", kPorts, kParameters, kStages, kShaders);
 
 }  // namespace
 

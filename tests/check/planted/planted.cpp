@@ -119,11 +119,7 @@ struct Counts {
 
 template <typename Pass, std::size_t kStageCount>
 constexpr heddle_technique planted(const char* id, const char* title, const heddle_stage (&stages)[kStageCount]) {
-  heddle_technique t = technique<Pass>(id, title, "a mistake");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(stages, t.stage_count);
-  return t;
+  return technique<Pass>(id, title, "a mistake", kPorts, kParameters, stages);
 }
 template <typename Pass>
 constexpr heddle_technique filling(const char* id, const char* title) {

@@ -98,21 +98,10 @@ struct Sum {
   heddle_status record(const Frame& frame) const { return frame.dispatch_over("show", "color"); }
 };
 
-constexpr heddle_technique kNumbersTechnique = [] {
-  heddle_technique t = technique<Numbers>("bake/numbers", "Numbers", "definition");
-  t.ports = list(kNumbersPorts, t.port_count);
-  t.parameters = list(kNumbersParameters, t.parameter_count);
-  t.stages = list(kNumbersStages, t.stage_count);
-  return t;
-}();
-constexpr heddle_technique kSumTechnique = [] {
-  heddle_technique t = technique<Sum>("bake/sum", "Their sum, kept on disk", "definition");
-  t.ports = list(kSumPorts, t.port_count);
-  t.parameters = list(kSumParameters, t.parameter_count);
-  t.stages = list(kSumStages, t.stage_count);
-  t.shaders = list(kSumShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kNumbersTechnique =
+    technique<Numbers>("bake/numbers", "Numbers", "definition", kNumbersPorts, kNumbersParameters, kNumbersStages);
+constexpr heddle_technique kSumTechnique = technique<Sum>("bake/sum", "Their sum, kept on disk", "definition",
+                                                          kSumPorts, kSumParameters, kSumStages, kSumShaders);
 
 }  // namespace
 

@@ -193,44 +193,39 @@ struct Undeclared {
   heddle_status record(const Frame& frame) const { return frame.dispatch_over_list("clear", "pixels"); }
 };
 
-template <typename Pass, std::size_t kPorts, std::size_t kStages, std::size_t kShaders>
-constexpr heddle_technique make(const char* id, const char* title, const heddle_port (&ports)[kPorts],
-                                const heddle_stage (&stages)[kStages], const heddle_shader (&shaders)[kShaders]) {
-  heddle_technique t = technique<Pass>(id, title, "definition");
-  t.ports = list(ports, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(stages, t.stage_count);
-  t.shaders = list(shaders, t.shader_count);
-  return t;
-}
 constexpr heddle_technique kFindTechnique =
-    make<Find>("lists/find", "Lists pixels", kFindPorts, kFindStages, kFindShaders);
-constexpr heddle_technique kMoreTechnique =
-    make<More>("lists/more", "Lists more pixels", kMorePorts, kFindStages, kFindShaders);
-constexpr heddle_technique kOwnTechnique =
-    make<Own>("lists/own", "Lists more pixels, or the first", kOwnPorts, kFindStages, kFindShaders);
-constexpr heddle_technique kShadeTechnique =
-    make<Shade>("lists/shade", "Shades listed pixels", kShadePorts, kShadeStages, kShadeShaders);
-constexpr heddle_technique kOrderTechnique =
-    make<Order>("lists/order", "Shows the order of a list", kShadePorts, kOrderStages, kOrderShaders);
-constexpr heddle_technique kLateTechnique =
-    make<Late>("lists/late", "Reads a list a frame later", kLatePorts, kLateStages, kLateShaders);
-constexpr heddle_technique kCollectTechnique =
-    make<Collect>("lists/collect", "Collects over frames", kCollectPorts, kCollectStages, kCollectShaders);
+    technique<Find>("lists/find", "Lists pixels", "definition", kFindPorts, kParameters, kFindStages, kFindShaders);
+constexpr heddle_technique kMoreTechnique = technique<More>("lists/more", "Lists more pixels", "definition", kMorePorts,
+                                                            kParameters, kFindStages, kFindShaders);
+constexpr heddle_technique kOwnTechnique = technique<Own>("lists/own", "Lists more pixels, or the first", "definition",
+                                                          kOwnPorts, kParameters, kFindStages, kFindShaders);
+constexpr heddle_technique kShadeTechnique = technique<Shade>("lists/shade", "Shades listed pixels", "definition",
+                                                              kShadePorts, kParameters, kShadeStages, kShadeShaders);
+constexpr heddle_technique kOrderTechnique = technique<Order>("lists/order", "Shows the order of a list", "definition",
+                                                              kShadePorts, kParameters, kOrderStages, kOrderShaders);
+constexpr heddle_technique kLateTechnique = technique<Late>("lists/late", "Reads a list a frame later", "definition",
+                                                            kLatePorts, kParameters, kLateStages, kLateShaders);
+constexpr heddle_technique kCollectTechnique = technique<Collect>(
+    "lists/collect", "Collects over frames", "definition", kCollectPorts, kParameters, kCollectStages, kCollectShaders);
 constexpr heddle_technique kRewriteTechnique =
-    make<Collect>("lists/rewrite", "Collects of one frame", kRewritePorts, kCollectStages, kCollectShaders);
-constexpr heddle_technique kCanvasTechnique =
-    make<Canvas>("lists/canvas", "A canvas that grows", kCanvasPorts, kCanvasStages, kCanvasShaders);
+    technique<Collect>("lists/rewrite", "Collects of one frame", "definition", kRewritePorts, kParameters,
+                       kCollectStages, kCollectShaders);
+constexpr heddle_technique kCanvasTechnique = technique<Canvas>(
+    "lists/canvas", "A canvas that grows", "definition", kCanvasPorts, kParameters, kCanvasStages, kCanvasShaders);
 constexpr heddle_technique kForgetsTechnique =
-    make<Forgets>("lists/forgets", "Empties a list behind the host's back", kFindPorts, kFindStages, kFindShaders);
+    technique<Forgets>("lists/forgets", "Empties a list behind the host's back", "definition", kFindPorts, kParameters,
+                       kFindStages, kFindShaders);
 constexpr heddle_technique kTwiceTechnique =
-    make<Twice>("lists/twice", "No barrier between two dispatches that append", kFindPorts, kFindStages, kFindShaders);
+    technique<Twice>("lists/twice", "No barrier between two dispatches that append", "definition", kFindPorts,
+                     kParameters, kFindStages, kFindShaders);
 constexpr heddle_technique kFixedTechnique =
-    make<Order>("lists/fixed", "Reads a buffer of fixed length", kFixedPorts, kOrderStages, kClearShaders);
+    technique<Order>("lists/fixed", "Reads a buffer of fixed length", "definition", kFixedPorts, kParameters,
+                     kOrderStages, kClearShaders);
 constexpr heddle_stage kUndeclaredStages[] = {gpu_stage("clear", kClear)};
 constexpr heddle_shader kUndeclaredShaders[] = {compute_shader("clear", "clear", "clear.comp.glsl")};
-constexpr heddle_technique kUndeclaredTechnique = make<Undeclared>(
-    "lists/undeclared", "Dispatches over what it does not declare", kShadePorts, kUndeclaredStages, kUndeclaredShaders);
+constexpr heddle_technique kUndeclaredTechnique =
+    technique<Undeclared>("lists/undeclared", "Dispatches over what it does not declare", "definition", kShadePorts,
+                          kParameters, kUndeclaredStages, kUndeclaredShaders);
 
 }  // namespace
 

@@ -142,35 +142,84 @@ struct Read {
   }
 };
 
-template <typename Pass, std::size_t kPorts, std::size_t kStages, std::size_t kShaders>
-constexpr heddle_technique make(const char* id, const char* title, const heddle_port (&ports)[kPorts],
-                                const heddle_stage (&stages)[kStages], const heddle_shader (&shaders)[kShaders]) {
-  heddle_technique t = technique<Pass>(id, title, "definition");
-  t.ports = list(ports, t.port_count);
-  t.stages = list(stages, t.stage_count);
-  t.shaders = list(shaders, t.shader_count);
-  return t;
-}
-constexpr heddle_technique kAverageTechnique = [] {
-  heddle_technique t =
-      make<Average>("past/average", "An exponential average", kAveragePorts, kAverageStages, kAverageShaders);
-  t.parameters = list(kAverageParameters, t.parameter_count);
-  return t;
-}();
-constexpr heddle_technique kColumnsTechnique =
-    make<Columns>("past/columns", "One column a frame", kColumnsPorts, kColumnsStages, kColumnsShaders);
-constexpr heddle_technique kShowTechnique = make<Show>("past/show", "A copy", kShowPorts, kShowStages, kShowShaders);
+// As late, a frame later; and the GPU does nothing that is submitted after a frame in which `is_held` is set, that
+// frame included, until a frame is recorded whose `released` counts as many frames as were held.
+constexpr heddle_stage kHeldStages[] = {late(1, cpu_stage("read", kReading)), gpu_stage("make", kMaking),
+                                        gpu_stage("show", kShowSeen)};
+constexpr heddle_parameter kHeldParameters[] = {
+    toggle("is_held", false, "the GPU waits before it runs this frame"),
+    integer("released", "1", 0, 1000, 0, "held frames that may run"),
+};
+struct Held : Read<1> {
+  explicit Held(const PassHost& given) : host(given) {}
+  PassHost host;
+  VkSemaphore semaphore = VK_NULL_HANDLE;
+  std::uint64_t held = 0, released = 0;
+  ~Held() {
+    const heddle_vulkan& vk = *host.raw()->vulkan;
+    if (semaphore != VK_NULL_HANDLE) vk.DestroySemaphore(vk.device, semaphore, nullptr);
+  }
+  Held(const Held&) = delete;
+  Held& operator=(const Held&) = delete;
+  heddle_status prepare(const PassHost&) {
+    if (semaphore != VK_NULL_HANDLE) return HEDDLE_OK;
+    VkSemaphoreTypeCreateInfo timeline{VK_STRUCTURE_TYPE_SEMAPHORE_TYPE_CREATE_INFO};
+    timeline.semaphoreType = VK_SEMAPHORE_TYPE_TIMELINE;
+    VkSemaphoreCreateInfo info{VK_STRUCTURE_TYPE_SEMAPHORE_CREATE_INFO, &timeline};
+    const heddle_vulkan& vk = *host.raw()->vulkan;
+    return vk.CreateSemaphore(vk.device, &info, nullptr, &semaphore) == VK_SUCCESS ? HEDDLE_OK : HEDDLE_FAILED;
+  }
+  heddle_status record(const Frame& frame) {
+    if (frame.stage() == 1 && !let_run(frame)) return HEDDLE_FAILED;
+    return Read::record(frame);
+  }
+
+ private:
+  bool let_run(const Frame& frame) {
+    const heddle_vulkan& vk = frame.vulkan();
+    if (host.toggle("is_held")) {
+      VkSemaphoreSubmitInfo wait{VK_STRUCTURE_TYPE_SEMAPHORE_SUBMIT_INFO};
+      wait.semaphore = semaphore;
+      wait.value = ++held;
+      wait.stageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
+      VkSubmitInfo2 submit{VK_STRUCTURE_TYPE_SUBMIT_INFO_2};
+      submit.waitSemaphoreInfoCount = 1;
+      submit.pWaitSemaphoreInfos = &wait;
+      VkQueue queue = VK_NULL_HANDLE;
+      vk.GetDeviceQueue(vk.device, 0, 0, &queue);
+      if (vk.QueueSubmit2(queue, 1, &submit, VK_NULL_HANDLE) != VK_SUCCESS) return false;
+    }
+    const auto wanted = static_cast<std::uint64_t>(host.integer("released"));
+    if (wanted <= released) return true;
+    released = wanted;
+    VkSemaphoreSignalInfo signal{VK_STRUCTURE_TYPE_SEMAPHORE_SIGNAL_INFO};
+    signal.semaphore = semaphore;
+    signal.value = released;
+    return vk.SignalSemaphore(vk.device, &signal) == VK_SUCCESS;
+  }
+};
+
+constexpr heddle_technique kAverageTechnique =
+    technique<Average>("past/average", "An exponential average", "definition", kAveragePorts, kAverageParameters,
+                       kAverageStages, kAverageShaders);
+constexpr heddle_technique kColumnsTechnique = technique<Columns>("past/columns", "One column a frame", "definition",
+                                                                  kColumnsPorts, kColumnsStages, kColumnsShaders);
+constexpr heddle_technique kShowTechnique =
+    technique<Show>("past/show", "A copy", "definition", kShowPorts, kShowStages, kShowShaders);
 constexpr heddle_technique kCountTechnique =
-    make<Count>("past/count", "Counts in a buffer", kCountPorts, kCountStages, kCountShaders);
+    technique<Count>("past/count", "Counts in a buffer", "definition", kCountPorts, kCountStages, kCountShaders);
 constexpr heddle_technique kValuesTechnique =
-    make<Values>("past/values", "Counts in a value", kValuesPorts, kValuesStages, kValuesShaders);
+    technique<Values>("past/values", "Counts in a value", "definition", kValuesPorts, kValuesStages, kValuesShaders);
 
 constexpr heddle_technique kLateTechnique =
-    make<Read<1>>("past/late", "Read two frames later", kReadPorts, kLateStages, kReadShaders);
+    technique<Read<1>>("past/late", "Read two frames later", "definition", kReadPorts, kLateStages, kReadShaders);
 constexpr heddle_technique kPromptTechnique =
-    make<Read<0>>("past/prompt", "Read at once", kReadPorts, kPromptStages, kReadShaders);
+    technique<Read<0>>("past/prompt", "Read at once", "definition", kReadPorts, kPromptStages, kReadShaders);
+constexpr heddle_technique kHeldTechnique =
+    technique<Held>("past/held", "Read a frame later, from a GPU that can be held", "definition", kReadPorts,
+                    kHeldParameters, kHeldStages, kReadShaders);
 
 }  // namespace
 
 HEDDLE_PLUGIN(kAverageTechnique, kColumnsTechnique, kShowTechnique, kCountTechnique, kValuesTechnique, kLateTechnique,
-              kPromptTechnique)
+              kPromptTechnique, kHeldTechnique)

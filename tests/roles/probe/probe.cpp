@@ -67,62 +67,29 @@ struct Probe {
   heddle_status record(const Frame& frame) { return frame.dispatch_over("ask", "values"); }
 };
 
-constexpr heddle_technique kShadow = [] {
-  heddle_technique t = technique<Probe>("probe/shadow", "The function shadow at points of a shape", "definition");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kShadowParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShadowShaders, t.shader_count);
-  return t;
-}();
-constexpr heddle_technique kSky = [] {
-  heddle_technique t = technique<Probe>("probe/sky", "The functions of sky in all directions", "definition");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kSkyParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kSkyShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kShadow = technique<Probe>("probe/shadow", "The function shadow at points of a shape",
+                                                      "definition", kPorts, kShadowParameters, kStages, kShadowShaders);
+constexpr heddle_technique kSky = technique<Probe>("probe/sky", "The functions of sky in all directions", "definition",
+                                                   kPorts, kSkyParameters, kStages, kSkyShaders);
 
-constexpr heddle_technique kMaterial = [] {
-  heddle_technique t = technique<Probe>("probe/surface_material", "The functions of surface_material", "definition");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kMaterialParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kMaterialShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kMaterial =
+    technique<Probe>("probe/surface_material", "The functions of surface_material", "definition", kPorts,
+                     kMaterialParameters, kStages, kMaterialShaders);
 constexpr heddle_parameter kPatternParameters[] = {parameter("white", "1", 0, 1e9, 1, "the ramp's end")};
 constexpr heddle_shader kPatternShaders[] = {compute_shader("ask", "ask", "pattern.comp.glsl")};
-constexpr heddle_technique kPattern = [] {
-  heddle_technique t = technique<Probe>("probe/pattern", "Numbers that techniques must survive", "definition");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kPatternParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kPatternShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kPattern =
+    technique<Probe>("probe/pattern", "Numbers that techniques must survive", "definition", kPorts, kPatternParameters,
+                     kStages, kPatternShaders);
 constexpr heddle_parameter kColorsParameters[] = {
     parameter("lowest", "1", -30, 30, -12, "exponent of 2 of the darkest value but 0"),
     parameter("highest", "1", -30, 30, 10, "exponent of 2 of the brightest value"),
 };
 constexpr heddle_shader kColorsShaders[] = {compute_shader("ask", "ask", "colors.comp.glsl")};
-constexpr heddle_technique kColors = [] {
-  heddle_technique t = technique<Probe>("probe/colors", "Colours of every mixture and brightness", "definition");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kColorsParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kColorsShaders, t.shader_count);
-  return t;
-}();
-constexpr heddle_technique kLight = [] {
-  heddle_technique t = technique<Probe>("probe/light", "A light at points of a parallelogram", "definition");
-  t.ports = list(kLightPorts, t.port_count);
-  t.parameters = list(kLightParameters, t.parameter_count);
-  t.stages = list(kLightStages, t.stage_count);
-  t.shaders = list(kLightShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kColors = technique<Probe>("probe/colors", "Colours of every mixture and brightness",
+                                                      "definition", kPorts, kColorsParameters, kStages, kColorsShaders);
+constexpr heddle_technique kLight =
+    technique<Probe>("probe/light", "A light at points of a parallelogram", "definition", kLightPorts, kLightParameters,
+                     kLightStages, kLightShaders);
 
 constexpr heddle_parameter kTextParameters[] = {
     text("expression", "of x, the pixel's column", HEDDLE_PARAMETER_REDECLARE),
@@ -151,14 +118,8 @@ struct Text {
     return frame.dispatch_over("ask", "values");
   }
 };
-constexpr heddle_technique kText = [] {
-  heddle_technique t = technique<Text>("probe/text", "A text that the pass makes", "definition");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kTextParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kTextShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kText = technique<Text>("probe/text", "A text that the pass makes", "definition", kPorts,
+                                                   kTextParameters, kStages, kTextShaders);
 
 }  // namespace
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hard cases of role shadow, for shadow_map: closed forms, asked at points through the C API.
+// The hard cases of role shadow, for shadow_map and cascaded: closed forms, asked at points through the C API.
 #include "patch.hpp"
 
 #include <gmock/gmock.h>
@@ -11,7 +11,9 @@ namespace {
 
 using namespace rendering;
 using shadow_patch::ask;
+using shadow_patch::cascaded;
 using shadow_patch::contact;
+using shadow_patch::depth_maps_of;
 using shadow_patch::Patch;
 using shadow_patch::shadow_map;
 
@@ -68,7 +70,8 @@ TEST(ShadowHardCases, H1NoAcneOnAPlaneUpToGrazingLight) {
         scene.look({0, 3, 4}, {0, 0, 0});
         Patch patch{{-1, 0, -1}, {2, 0, 0}, {0, 0, 2}, {0, 1, 0}};
         patch.camera = {0, 3, 4};
-        expect_everywhere(ask(scene, patch, shadow_map(parameters)), patch, [](const dvec3&) { return 1.0; });
+        for (const std::string& pass : depth_maps_of(acne.record.type, parameters))
+          expect_everywhere(ask(scene, patch, pass), patch, [](const dvec3&) { return 1.0; });
       }
     }
   }
@@ -88,12 +91,14 @@ TEST(ShadowHardCases, H1NoAcneOnASphereUpToGrazingLight) {
     Patch patch{centre, {1, 0, 0}, {0, 0, 1}, {0, 1, 0}};
     patch.camera = {0, 3, 6};
     patch.is_sphere = true;
-    expect_everywhere(ask(scene, patch, shadow_map()), patch, [&](const dvec3& p) {
-      const dvec3 L = acne.record.type == HEDDLE_LIGHT_DIRECTIONAL ? to_light : glm::normalize(acne.position - p);
-      const double NoL = glm::dot(glm::normalize(p - centre), L);
-      // The mesh's facets are tilted by up to 0.006 to the sphere; between 0 and 0.05 both answers may be right.
-      return NoL >= 0.05 ? 1.0 : NoL <= 0.0 ? 0.0 : -1.0;
-    });
+    for (const std::string& pass : depth_maps_of(acne.record.type)) {
+      expect_everywhere(ask(scene, patch, pass), patch, [&](const dvec3& p) {
+        const dvec3 L = acne.record.type == HEDDLE_LIGHT_DIRECTIONAL ? to_light : glm::normalize(acne.position - p);
+        const double NoL = glm::dot(glm::normalize(p - centre), L);
+        // The mesh's facets are tilted by up to 0.006 to the sphere; between 0 and 0.05 both answers may be right.
+        return NoL >= 0.05 ? 1.0 : NoL <= 0.0 ? 0.0 : -1.0;
+      });
+    }
   }
 }
 
@@ -133,8 +138,8 @@ TEST(ShadowHardCases, H2ClosedRoomOfFiveCentimetreWallsIsDark) {
       scene.look({0, 1, 0.9}, {0, 0.8, 0});
       Patch placed = patch;
       placed.camera = {0, 1, 0.9};
-      expect_everywhere(ask(scene, placed, shadow_map("params.distance = 20.0\n")), placed,
-                        [](const dvec3&) { return 0.0; });
+      for (const std::string& pass : depth_maps_of(acne.record.type, "params.distance = 20.0\n"))
+        expect_everywhere(ask(scene, placed, pass), placed, [](const dvec3&) { return 0.0; });
     }
   }
 }
@@ -153,15 +158,15 @@ TEST(ShadowHardCases, H2NoLightCreepsUnderAThinWallOnTheFloor) {
     scene.look({-1, 3, 4}, {0, 0, 0});
     Patch patch{{-1.5, 0, -1}, {1.5, 0, 0}, {0, 0, 2}, {0, 1, 0}};
     patch.camera = {-1, 3, 4};
-    expect_everywhere(ask(scene, patch, shadow_map("params.distance = 20.0\n")), patch,
-                      [](const dvec3&) { return 0.0; });
+    for (const std::string& pass : depth_maps_of(acne.record.type, "params.distance = 20.0\n"))
+      expect_everywhere(ask(scene, patch, pass), patch, [](const dvec3&) { return 0.0; });
   }
 }
 
 // ---- closed forms, H3, H5 -------------------------------------------------------------------------------------------
 
 /// The shadow of a sphere, radius 0.5, 1 m over the floor, under a light straight above: a disk round the origin.
-void expect_disk(const dvec3& offset, bool is_directional, const std::string& parameters, double filter_metres) {
+void expect_disk(const dvec3& offset, bool is_directional, const std::string& pass, double filter_metres) {
   Scene scene(offset);
   scene.add_floor({0, 0, 0}, 10.0);
   scene.add_sphere({0, 1, 0}, 0.5, 128);
@@ -171,7 +176,7 @@ void expect_disk(const dvec3& offset, bool is_directional, const std::string& pa
   scene.look(camera, {0, 0, 0});
   Patch patch{{-1.5, 0, -1.5}, {3, 0, 0}, {0, 0, 3}, {0, 1, 0}};
   patch.camera = camera;
-  const Image image = ask(scene, patch, shadow_map(parameters));
+  const Image image = ask(scene, patch, pass);
   const double to_centre = kLightHeight - 1.0;
   const double radius = is_directional ? 0.5 : kLightHeight * 0.5 / std::sqrt(to_centre * to_centre - 0.25);
   expect_everywhere(image, patch, [&](const dvec3& p) {
@@ -188,15 +193,56 @@ void expect_disk(const dvec3& offset, bool is_directional, const std::string& pa
 
 TEST(ShadowHardCases, ShadowOfASphereIsTheDiskThatGeometrySays) {
   // First cascade: 6.7 m of view, sphere of 4.5 m and less: texels of at most 9 mm, filter 3 texels.
-  expect_disk({0, 0, 0}, true, "", 0.04);
+  expect_disk({0, 0, 0}, true, shadow_map(), 0.04);
+  // The second cascade of 30 m, into which the first one fades: 9.4 m of view, 16 mm.
+  expect_disk({0, 0, 0}, true, cascaded("params.distance = 30.0\n"), 0.07);
   // A face of the cube, 4 m away: 8 mm, 3 texels.
-  expect_disk({0, 0, 0}, false, "", 0.04);
+  expect_disk({0, 0, 0}, false, shadow_map(), 0.04);
 }
 
 TEST(ShadowHardCases, H5SameShadowAHundredKilometresAway) {
   const dvec3 far_away(1e5, 0.0, -1e5);
-  expect_disk(far_away, true, "", 0.04);
-  expect_disk(far_away, false, "", 0.04);
+  expect_disk(far_away, true, shadow_map(), 0.04);
+  expect_disk(far_away, true, cascaded("params.distance = 30.0\n"), 0.07);
+  expect_disk(far_away, false, shadow_map(), 0.04);
+}
+
+TEST(ShadowHardCases, H6SameShadowInMillimetresAndKilometres) {
+  for (const bool is_directional : {true, false}) {
+    for (const char* technique : {"shadow_map", "cascaded"}) {
+      std::vector<Image> images;
+      for (const double unit : {1.0, 1e-3, 1e3}) {
+        Scene scene;
+        scene.add_floor({0, 0, 0}, 10.0 * unit);
+        scene.add_sphere(dvec3(0, 1, 0) * unit, 0.5 * unit, 64);
+        HeddleLight lamp = light(is_directional ? HEDDLE_LIGHT_DIRECTIONAL : HEDDLE_LIGHT_POINT, {0.3, -1, 0.2});
+        lamp.range = is_directional ? 0.0F : static_cast<float>(20.0 * unit);
+        scene.add_light(lamp, dvec3(0.3, 4, 0.2) * unit);
+        scene.look(dvec3(0, 2, 4) * unit, {0, 0, 0});
+        Patch patch{dvec3(-1.5, 0, -1.5) * unit, dvec3(3, 0, 0) * unit, dvec3(0, 0, 3) * unit, {0, 1, 0}};
+        patch.camera = dvec3(0, 2, 4) * unit;
+        std::string lengths;
+        for (const auto& [name, metres] : {std::pair("distance", 30.0), std::pair("caster_distance", 20.0)})
+          lengths += fmt::format("params.{} = {:.9e}\n", name, metres * unit);
+        const bool is_cascaded = technique == std::string("cascaded");
+        lengths += fmt::format("params.{} = {:.9e}\n", is_cascaded ? "nearest" : "near_distance", 0.05 * unit);
+        images.push_back(ask(scene, patch, is_cascaded ? cascaded(lengths) : shadow_map(lengths)));
+      }
+      // Texels on the edge may fall to either side when a length's last bit is another: of 128 x 128 points few, and no
+      // point by more than what one texel of the filter's 12 (9 taps of 4 texels, overlapping) is worth.
+      for (const std::size_t other : {1U, 2U}) {
+        double sum = 0;
+        float worst = 0;
+        for (std::size_t i = 0; i < images[0].pixels.size(); ++i) {
+          const float difference = std::abs(images[0].pixels[i] - images[other].pixels[i]);
+          sum += static_cast<double>(difference);
+          worst = std::max(worst, difference);
+        }
+        EXPECT_LE(sum / static_cast<double>(images[0].pixels.size()), 1e-4) << technique << is_directional << other;
+        EXPECT_LE(worst, 0.25F) << technique << is_directional << other;
+      }
+    }
+  }
 }
 
 TEST(ShadowHardCases, H3ShadowsAlikeOnBothSidesOfEverySeam) {
@@ -257,10 +303,10 @@ TEST(ShadowHardCases, H4LightBelowTheSurfaceOrAtThePointIsZeroOrOne) {
       // Every point of the grid is the origin.
       Patch patch{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 1, 0}};
       patch.camera = {0, 3, 4};
-      for (const std::string& passes : {shadow_map(), contact()}) {
+      for (const std::string& passes : {shadow_map(), cascaded(), contact()}) {
         const Image image = ask(scene, patch, passes);
         EXPECT_TRUE(image.at(0, 0) == 0.0F || image.at(0, 0) == 1.0F) << passes << image.at(0, 0);
-        if (position.y < -0.5 && type == HEDDLE_LIGHT_POINT) {
+        if (position.y < -0.5 && type == HEDDLE_LIGHT_POINT && passes != cascaded()) {
           EXPECT_EQ(image.at(0, 0), 0.0F) << passes;
         }
       }
@@ -281,19 +327,41 @@ TEST(ShadowMap, LightsWithoutRoomAreLitAndNamedOnce) {
   for (const std::uint32_t index : {0U, 1U, 2U}) {
     Host::get().log.clear();
     patch.light = index;
-    Graph graph("extent = [128, 128]\noutput = \"probe.values\"\n" + shadow_map("params.views = 8\n") +
+    Graph graph("extent = [128, 128]\noutput = \"probe.values\"\n" +
+                shadow_map("params.views = 8\nparams.smallest = 1024\n") +
                 "[[pass]]\nname = \"probe\"\nrole = \"probe\"\ntechnique = \"shadow\"\n" + patch.text());
     EXPECT_EQ(graph.image(scene).at(64, 64), index == 0 ? 0.0F : 1.0F);
     graph.render(scene);
     std::vector<std::string> told;
     for (const std::string& line : Host::get().log) {
-      if (line.find("depth maps") != std::string::npos) told.push_back(line);
+      if (line.find("no room") != std::string::npos) told.push_back(line);
     }
     ASSERT_EQ(told.size(), 1U);
     EXPECT_THAT(told[0],
-                testing::HasSubstr("2 lights find no room among the 8 depth maps and cast no shadow; raise the "
-                                   "parameter 'views'"));
+                testing::HasSubstr("2 lights find no room in the atlas and cast no shadow; raise the parameter "
+                                   "'views', or lower 'smallest'"));
   }
+}
+
+TEST(ShadowMap, LightsShareTheRoomThereIs) {
+  // Room for eight of the largest maps and 18 wanted: the first light's are large, the others' smaller, and all cast.
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 5.0);
+  scene.add_box({-0.5, 1, -0.5}, {0.5, 1.1, 0.5});
+  for (int i = 0; i < 3; ++i) scene.add_light(light(HEDDLE_LIGHT_POINT), {0, 3, 0});
+  scene.look({0, 3, 4}, {0, 0, 0});
+  Host::get().log.clear();
+  for (const std::uint32_t index : {0U, 1U, 2U}) {
+    Patch patch{{-2, 0, -2}, {4, 0, 0}, {0, 0, 4}, {0, 1, 0}};
+    patch.camera = {0, 3, 4};
+    patch.light = index;
+    // The box's shadow on the floor: 3 / 1.9 of its upper face; texels of the smaller maps are up to 50 mm there.
+    expect_everywhere(ask(scene, patch, shadow_map("params.views = 8\n")), patch, [](const dvec3& p) {
+      const double reach = std::max(std::abs(p.x), std::abs(p.z));
+      return reach < 0.75 - 0.2 ? 0.0 : reach > 0.79 + 0.25 ? 1.0 : -1.0;
+    });
+  }
+  EXPECT_THAT(Host::get().log, testing::Each(testing::Not(testing::HasSubstr("no room"))));
 }
 
 TEST(ShadowMap, SameInputGivesTheSameBytes) {

@@ -53,6 +53,17 @@ inline std::string shadow_map(const std::string& parameters = "") {
   return "[[pass]]\nname = \"shadow\"\nrole = \"shadow\"\ntechnique = \"shadow_map\"\n" + parameters;
 }
 
+inline std::string cascaded(const std::string& parameters = "") {
+  return "[[pass]]\nname = \"shadow\"\nrole = \"shadow\"\ntechnique = \"cascaded\"\n" + parameters;
+}
+
+/// Every technique that draws depth maps for such a light.
+inline std::vector<std::string> depth_maps_of(std::uint32_t light_type, const std::string& parameters = "") {
+  std::vector<std::string> passes{shadow_map(parameters)};
+  if (light_type == HEDDLE_LIGHT_DIRECTIONAL) passes.push_back(cascaded(parameters));
+  return passes;
+}
+
 inline std::string contact(const std::string& parameters = "") {
   return "[[pass]]\nname = \"gbuffer\"\nrole = \"gbuffer\"\ntechnique = \"raster\"\n"
          "[[pass]]\nname = \"contact\"\nrole = \"shadow\"\ntechnique = \"ray_marched_screen\"\n" +

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // shadow_map's views and its normal offset: properties of the geometry, without a device.
 #include "views.hpp"
+#include "cameras.hpp"
+#include "normal_offset.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,38 +10,30 @@
 #include <cmath>
 #include <random>
 
-namespace shadow_map_float64 {
-using namespace glm;
-#define float double
-#include "normal_offset.glsl"
-#undef float
-}  // namespace shadow_map_float64
-
 namespace {
 
 using glm::dmat4;
 using glm::dvec2;
 using glm::dvec3;
 using glm::dvec4;
+using shadow_cameras::camera_along;
+using shadow_cameras::random_direction;
 using shadow_map::Layout;
-using shadow_map::MapView;
 using shadow_map::Settings;
 
-/// A camera at the frame's origin that looks along `forward`.
-HeddleView camera_along(const dvec3& forward, double half_height, double aspect) {
-  const dvec3 back = -glm::normalize(forward);
-  const dvec3 right = glm::normalize(glm::cross(dvec3(0.1, 1, 0.05), back));
-  const dvec3 up = glm::cross(back, right);
-  HeddleView view{};
-  const dvec3 columns[3] = {right, up, back};
-  for (int c = 0; c < 3; ++c) {
-    for (int r = 0; r < 3; ++r) view.rel_from_view[4 * c + r] = static_cast<float>(columns[c][r]);
-  }
-  view.rel_from_view[15] = 1.0F;
-  view.half_size[0] = static_cast<float>(half_height * aspect);
-  view.half_size[1] = static_cast<float>(half_height);
-  view.near_distance = 0.01F;
-  return view;
+/// A map that fills its layer, and what shaders know of it.
+struct MapView {
+  depth_maps::MapView map;
+  depth_maps::LookupView lookup;
+};
+
+std::vector<MapView> make_views(const HeddleLight& light, const HeddleView& camera, const dvec3& origin,
+                                const Settings& settings) {
+  std::vector<MapView> views;
+  for (const depth_maps::MapView& map : shadow_map::make_views(
+           light, origin + depth_maps::to_double(light.position_rel), camera, origin, settings, settings.resolution))
+    views.push_back({map, depth_maps::make_lookup(map, origin, {0, 0, 0, settings.resolution}, settings.resolution)});
+  return views;
 }
 
 HeddleLight light_of(std::uint32_t type, const dvec3& direction, const dvec3& position = dvec3(0.0)) {
@@ -72,16 +66,11 @@ double largest(const dvec3& ndc) {
   return std::max(std::abs(ndc.x), std::abs(ndc.y));
 }
 
-dvec3 random_direction(std::mt19937& random) {
-  std::normal_distribution<double> normal;
-  return glm::normalize(dvec3(normal(random), normal(random), normal(random)));
-}
-
 TEST(ShadowMapViews, BoundingSphereHoldsTheWholeView) {
   for (const double half_height : {0.1, 0.577, 1.5}) {
     for (const double aspect : {0.5, 1.0, 1.78, 3.0}) {
       const HeddleView camera = camera_along({0, 0, -1}, half_height, aspect);
-      const auto sphere = shadow_map::bounding_sphere(camera, 10.0);
+      const auto sphere = depth_maps::bounding_sphere(camera, 10.0);
       for (const double distance : {0.0, 5.0, 10.0}) {
         const dvec3 corner(half_height * aspect * distance, half_height * distance, distance);
         EXPECT_LE(glm::length(corner - dvec3(0, 0, sphere.centre_distance)), sphere.radius * (1 + 1e-6));
@@ -97,8 +86,8 @@ TEST(ShadowMapViews, EachCascadeHoldsItsPartOfTheViewInsideTheGuard) {
   for (int trial = 0; trial < 50; ++trial) {
     const dvec3 forward = random_direction(random);
     const HeddleView camera = camera_along(forward, 0.5, 1.6);
-    const auto views = shadow_map::make_views(light_of(HEDDLE_LIGHT_DIRECTIONAL, random_direction(random)), camera,
-                                              1e5 * random_direction(random), settings);
+    const auto views = make_views(light_of(HEDDLE_LIGHT_DIRECTIONAL, random_direction(random)), camera,
+                                  1e5 * random_direction(random), settings);
     ASSERT_EQ(views.size(), 3U);
     for (std::size_t i = 0; i < views.size(); ++i) {
       const double reach = settings.distance / std::pow(shadow_map::kCascadeRatio, static_cast<double>(2 - i));
@@ -127,7 +116,7 @@ TEST(ShadowMapViews, CascadesStandStillInTheSceneWhenTheCameraMoves) {
     dvec2 first(0.0);
     for (int step = 0; step < 20; ++step) {
       const dvec3 origin(1e5 + 0.137 * step, 0.31 * step, 0.071 * step);
-      const auto views = shadow_map::make_views(sun, camera, origin, settings);
+      const auto views = make_views(sun, camera, origin, settings);
       const dvec3 ndc = project(views[cascade], scene_point - origin);
       const dvec2 texels = (dvec2(ndc) * 0.5 + 0.5) * static_cast<double>(settings.resolution);
       if (step == 0) first = texels;
@@ -143,8 +132,8 @@ TEST(ShadowMapViews, CubeFacesCoverEveryDirectionInsideTheGuard) {
   std::mt19937 random(2);
   Settings settings;
   const dvec3 position(1.0, 2.0, -3.0);
-  const auto views = shadow_map::make_views(light_of(HEDDLE_LIGHT_POINT, {0, -1, 0}, position),
-                                            camera_along({0, 0, -1}, 0.5, 1.0), dvec3(0.0), settings);
+  const auto views = make_views(light_of(HEDDLE_LIGHT_POINT, {0, -1, 0}, position), camera_along({0, 0, -1}, 0.5, 1.0),
+                                dvec3(0.0), settings);
   ASSERT_EQ(views.size(), 6U);
   for (int trial = 0; trial < 2000; ++trial) {
     const dvec3 d = random_direction(random);
@@ -166,7 +155,7 @@ TEST(ShadowMapViews, SpotHoldsItsConeAndWideSpotsBecomeCubes) {
   Settings settings;
   const HeddleView camera = camera_along({0, 0, -1}, 0.5, 1.0);
   HeddleLight spot = light_of(HEDDLE_LIGHT_SPOT, {0.2, -1, 0.1}, {0, 4, 0});
-  const auto views = shadow_map::make_views(spot, camera, dvec3(0.0), settings);
+  const auto views = make_views(spot, camera, dvec3(0.0), settings);
   ASSERT_EQ(views.size(), 1U);
   const dvec3 axis = glm::normalize(dvec3(0.2, -1, 0.1));
   const dvec3 side = glm::normalize(glm::cross(axis, dvec3(1, 0, 0)));
@@ -186,7 +175,7 @@ TEST(ShadowMapViews, BoxLightCoversExactlyItsBox) {
   box.half_extent[0] = 3;
   box.half_extent[1] = 1;
   box.half_extent[2] = 4;
-  const auto views = shadow_map::make_views(box, camera_along({0, 0, -1}, 0.5, 1.0), dvec3(0.0), settings);
+  const auto views = make_views(box, camera_along({0, 0, -1}, 0.5, 1.0), dvec3(0.0), settings);
   ASSERT_EQ(views.size(), 1U);
   const double guard = views[0].lookup.guard;
   // Tangent is X, direction x tangent is +Z.
@@ -209,9 +198,9 @@ TEST(ShadowMapViews, OnlyShiningLightsThatCastGetViews) {
   EXPECT_EQ(shadow_map::views_needed(light, settings).count, 0U);
 }
 
-TEST(ShadowMapKernel, TapsAreCentredAndReachTheRadius) {
+TEST(ShadowMapKernel, TapsAreCentredAndReachTheRim) {
   for (const std::uint32_t taps : {1U, 2U, 4U, 9U, 16U, 25U, 64U}) {
-    const auto kernel = shadow_map::make_kernel(taps, 2.5);
+    const auto kernel = depth_maps::make_kernel(taps);
     ASSERT_EQ(kernel.size(), taps);
     dvec2 mean(0.0);
     double longest = 0;
@@ -220,11 +209,52 @@ TEST(ShadowMapKernel, TapsAreCentredAndReachTheRadius) {
       longest = std::max(longest, glm::length(dvec2(tap[0], tap[1])));
     }
     EXPECT_NEAR(glm::length(mean), 0.0, 1e-6);
-    EXPECT_LE(longest, 2.5 + 1e-6);
+    EXPECT_LE(longest, 1.0 + 1e-6);
     if (taps == 1) {
       EXPECT_EQ(longest, 0.0);
     }
   }
+}
+
+TEST(ShadowMapSizes, TexelsAreAsFineAsThePixelsThatSeeThemAndNoFinerThanThat) {
+  std::mt19937 random(4);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  int coarser = 0;
+  for (int trial = 0; trial < 400; ++trial) {
+    Settings settings;
+    settings.fineness = std::pow(2.0, 4.0 * unit(random) - 2.0);
+    settings.smallest = 32;
+    HeddleView camera = camera_along(random_direction(random), 0.5, 1.6);
+    camera.extent[0] = 1280;
+    camera.extent[1] = 720;
+    HeddleLight light = light_of(trial % 2 == 0 ? HEDDLE_LIGHT_SPOT : HEDDLE_LIGHT_POINT, {0, -1, 0},
+                                 (1.0 + 300.0 * unit(random)) * random_direction(random));
+    light.range = static_cast<float>(1.0 + 20.0 * unit(random));
+    const std::uint32_t level = shadow_map::level_needed(light, camera, settings);
+    ASSERT_LT(level, shadow_map::levels_of(settings));
+    const double nearest = glm::length(depth_maps::to_double(light.position_rel)) - static_cast<double>(light.range);
+    if (nearest <= 0) {
+      EXPECT_EQ(level, 0U) << "the eye may be beside what is lit";
+      continue;
+    }
+    const double pixel = nearest * 2.0 * 0.5 / 720.0;
+    const double tangent = trial % 2 == 0 ? 0.75 : 1.0;  // cos_outer is 0.8
+    const double border = 2.0 * depth_maps::guard_texels(settings.filter_radius);
+    const auto texel = [&](std::uint32_t at) {
+      return 2.0 * tangent * static_cast<double>(light.range) / ((settings.resolution >> at) - border);
+    };
+    if (level > 0) {
+      EXPECT_LE(texel(level), pixel / settings.fineness * (1 + 1e-6));
+      ++coarser;
+    }
+    if (level + 1 < shadow_map::levels_of(settings)) {
+      EXPECT_GT(texel(level + 1), pixel / settings.fineness * (1 - 1e-6));
+    }
+  }
+  EXPECT_GT(coarser, 100);
+  const HeddleView camera = camera_along({0, 0, -1}, 0.5, 1.0);
+  EXPECT_EQ(shadow_map::level_needed(light_of(HEDDLE_LIGHT_POINT, {0, -1, 0}, {0, 0, 1000}), camera, {}), 0U)
+      << "without a range it may light what is near";
 }
 
 /// Reversed depth of the plane n.(x - p) = 0 in the view, at the centre of the texel nearest to `texel`.
@@ -267,8 +297,7 @@ TEST(ShadowMapOffset, NoTexelThatTheFilterReadsShowsTheReceiversOwnPlaneInFront)
       double tightest_half = 1e9;  // the same with half of the offset
       for (int trial = 0; trial < 3000; ++trial) {
         const dvec3 light_position(0.3, 6.0, -5.0);
-        const auto views =
-            shadow_map::make_views(light_of(type, {0.1, -1, 0.2}, light_position), camera, dvec3(0.0), settings);
+        const auto views = make_views(light_of(type, {0.1, -1, 0.2}, light_position), camera, dvec3(0.0), settings);
         const MapView& view = type == HEDDLE_LIGHT_POINT ? views[3] : views[0];  // the face that looks down
         const dvec3 axis(view.lookup.axis[0], view.lookup.axis[1], view.lookup.axis[2]);
         const bool is_parallel = type == HEDDLE_LIGHT_DIRECTIONAL;
@@ -284,7 +313,8 @@ TEST(ShadowMapOffset, NoTexelThatTheFilterReadsShowsTheReceiversOwnPlaneInFront)
 
         const double texel = view.lookup.texel_size * (is_parallel ? 1.0 : glm::dot(p - light_position, axis));
         const double along = glm::dot(n, axis);
-        const double offset = shadow_map_float64::normal_offset(filter_radius, texel, std::sqrt(1 - along * along), 0);
+        const double offset =
+            normal_offset_float64::normal_offset(filter_radius, texel, std::sqrt(1 - along * along), 0);
         const PlaneInView plane{view, p, n, 512.0};
         for (const bool is_half : {false, true}) {
           const dvec3 lookup = project(view, p + n * (is_half ? 0.5 * offset : offset));

@@ -303,8 +303,8 @@ TEST_F(AnimatedUpload, WhatBendsIsCulledByItsShapeOfNow) {
       buffers.update(scene, glm::dvec3(0.0));
       std::uint32_t found = 0, culled = 0;
       for (const DrawGroup& group : buffers.groups()) {
-        found += buffers.visible(group, frustum).drawn;
-        culled += buffers.visible(group, frustum).culled;
+        found += buffers.draws().visible(group, &frustum).drawn;
+        culled += buffers.draws().visible(group, &frustum).culled;
       }
       EXPECT_EQ(found, drawn) << "at " << time;
       EXPECT_EQ(found + culled, 3U);

@@ -86,8 +86,9 @@ TEST_F(SceneUpload, BlendedDrawsComeFarthestFirst) {
   SceneBuffers buffers(*device_, layout_);
   const glm::dvec3 origin(1e5, 0, 0);
   buffers.update(scene, origin);
-  std::vector<const DrawGroup*> groups;
-  for (const DrawGroup& group : buffers.groups()) groups.push_back(&group);
+  std::vector<DrawSource> sources(1);
+  sources[0].list = buffers.draws();
+  for (const DrawGroup& group : buffers.groups()) sources[0].groups.push_back(&group);
   heddle_camera camera{};
   camera.vertical_angle = 1.0;
   camera.position[0] = 1e5;
@@ -100,10 +101,10 @@ TEST_F(SceneUpload, BlendedDrawsComeFarthestFirst) {
         objects.push_back(buffers.order()[draw.first_instance + i]);
     return objects;
   };
-  const OrderedDraws instances = order_back_to_front(scene, buffers, groups, view, origin, false);
+  const OrderedDraws instances = order_back_to_front(scene, sources, view, origin, false);
   EXPECT_THAT(objects_of(instances), testing::ElementsAre(2, 1, 3, 4, 0));
   EXPECT_TRUE(instances.indices.empty());
-  const OrderedDraws triangles = order_back_to_front(scene, buffers, groups, view, origin, true);
+  const OrderedDraws triangles = order_back_to_front(scene, sources, view, origin, true);
   EXPECT_THAT(objects_of(triangles), testing::ElementsAre(2, 1, 3, 4, 0));
   EXPECT_THAT(
       std::vector(triangles.indices.begin(), triangles.indices.begin() + 9),
@@ -113,7 +114,7 @@ TEST_F(SceneUpload, BlendedDrawsComeFarthestFirst) {
   camera.position[2] = -10;
   camera.rotation[1] = 1;
   const HeddleView behind = make_view(camera, 8, 8, origin);
-  const OrderedDraws turned = order_back_to_front(scene, buffers, groups, behind, origin, true);
+  const OrderedDraws turned = order_back_to_front(scene, sources, behind, origin, true);
   EXPECT_THAT(objects_of(turned), testing::ElementsAre(0, 4, 1, 3, 2));
   EXPECT_THAT(std::vector(turned.indices.end() - 9, turned.indices.end()),
               testing::ElementsAre(6, 7, 8, 3, 4, 5, 0, 1, 2));

@@ -25,11 +25,7 @@ struct Edge {
 };
 
 constexpr heddle_technique make(const char* id, const char* title, const heddle_shader (&shaders)[1]) {
-  heddle_technique t = technique<Edge>(id, title, "definition");
-  t.ports = list(kPorts, t.port_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(shaders, t.shader_count);
-  return t;
+  return technique<Edge>(id, title, "definition", kPorts, kStages, shaders);
 }
 constexpr heddle_technique kHalfPlanesTechnique = make("edge/half_planes", "A half plane in each pixel", kHalfPlanes);
 constexpr heddle_technique kConstantsTechnique = make("edge/constants", "The same in all samples", kConstants);

@@ -1,0 +1,456 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Study files: TOML -> what is to be measured, with every mistake found, at its line, before anything is rendered."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import itertools
+import pathlib
+import re
+import tomllib
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from . import Error, Host, metrics
+from .__main__ import scene_path
+
+
+@dataclasses.dataclass(frozen=True)
+class SceneChoice:
+    """A scene, a camera of it and a time: what all variants render."""
+
+    file: str
+    camera: str | None
+    time: float
+    overlays: tuple[str, ...]
+    where: str = ""  # its file:line:column in the study
+
+    @property
+    def name(self) -> str:
+        words = [pathlib.Path(self.file).stem, *[pathlib.Path(o).stem for o in self.overlays]]
+        words += [self.camera] if self.camera is not None else []
+        return " ".join(words + ([f"{self.time:g} s"] if self.time else []))
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """A variant at one setting of its knobs."""
+
+    variant: str
+    graph: str
+    settings: tuple[str, ...]  # all of them, as for Host.graph
+    knobs: tuple[tuple[str, Any], ...]  # what tells it from the variant's other points, cheapest first
+
+    @property
+    def name(self) -> str:
+        return " ".join([self.variant, *[f"{knob}={value}" for knob, value in self.knobs]])
+
+
+@dataclasses.dataclass(frozen=True)
+class Reference:
+    graph: str
+    settings: tuple[str, ...]
+    parts: int  # independent renderings, by their seeds
+
+
+@dataclasses.dataclass(frozen=True)
+class Study:
+    name: str
+    title: str
+    port: str
+    pass_name: str | None  # whose time is told beside the frame's
+    scenes: tuple[SceneChoice, ...]
+    points: tuple[Point, ...]  # the first is what the others are compared with
+    reference: Reference | None
+    metrics: tuple[str, ...]
+    rounds: int
+    frames: int  # timed in a turn
+    settle: int  # frames before an image is read, for techniques with a past
+    resolution: float  # the smallest ratio of times that matters, minus 1
+    error_resolution: float  # the smallest difference of errors that matters, as a part of the first point's error
+    budget_minutes: float
+    exposures: tuple[float, float, int] | None
+    tone_mapper: str
+    seed: int
+
+
+# What a table may hold: the types of its values, in words for errors.
+TEXT, NUMBER, WHOLE, TEXTS, NUMBERS, TABLE, TABLES, ANY = (
+    "a text", "a number", "a whole number", "a list of texts", "a list of numbers", "a table", "tables", "anything")
+STUDY_KEYS = {
+    "title": TEXT, "graph": TEXT, "set": TEXTS, "role": TEXT, "pass": TEXT, "port": TEXT, "metrics": TEXTS, "rounds": WHOLE,
+    "frames": WHOLE, "settle": WHOLE, "resolution": NUMBER, "error_resolution": NUMBER, "budget_minutes": NUMBER,
+    "exposures": NUMBERS, "tone_mapper": TEXT, "seed": WHOLE, "scene": TABLES, "variant": TABLES, "reference": TABLE,
+}
+SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "times": NUMBERS, "overlays": TEXTS}
+VARIANT_KEYS = {"name": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "knobs": ANY}
+REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE}
+
+
+class Places:
+    """Where keys stand in a TOML text: tomllib keeps no positions. Paths are ("variant", 1, "set"), ("reference", "parts")."""
+
+    def __init__(self, file: str, text: str):
+        self.file = file
+        self._places: dict[tuple, tuple[int, int]] = {}
+        table: tuple = ()
+        counts: dict[str, int] = {}
+        for number, line in enumerate(text.splitlines(), 1):
+            if header := re.match(r"\s*(\[\[?)\s*([\w.\-\"]+)\s*\]", line):
+                name = header[2].strip('"')
+                if header[1] == "[[":
+                    counts[name] = counts.get(name, -1) + 1
+                    table = (name, counts[name])
+                else:
+                    table = tuple(name.split("."))
+                self._places[table] = (number, header.start(2) + 1)
+            elif key := re.match(r"\s*\"?([\w\-]+)\"?(?:\.[\w\-.]+)?\s*=", line):
+                self._places.setdefault((*table, key[1]), (number, key.start(1) + 1))
+
+    def where(self, path: tuple) -> str:
+        """file:line:column of a path, or of what it stands in."""
+        place = next((self._places[path[:n]] for n in range(len(path), 0, -1) if path[:n] in self._places), None)
+        return f"{self.file}:{place[0]}:{place[1]}" if place else self.file
+
+    def error(self, path: tuple, message: str, found: str = "", expected: str = "", help: str = "") -> str:
+        lines = [f"{self.where(path)}: error: {message}"]
+        lines += [f"  {name + ':':<9} {text}" for name, text in (("found", found), ("expected", expected), ("help", help)) if text]
+        return "\n".join(lines)
+
+
+class Reader:
+    """Collects mistakes, so that all of them are said at once."""
+
+    def __init__(self, host: Host, places: Places, folder: pathlib.Path):
+        self.host, self.places, self.folder = host, places, folder
+        self.errors: list[str] = []
+        listed = host.list()
+        self.roles = {role["name"]: role for role in listed["roles"]}
+        self.techniques = {(each["role"], each["name"]): each for each in listed["techniques"]}
+
+    def fail(self, path: tuple, message: str, **rest: str) -> None:
+        self.errors.append(self.places.error(path, message, **rest))
+
+    def unknown(self, path: tuple, what: str, name: str, names: Iterable[str]) -> None:
+        names = list(names)
+        near = difflib.get_close_matches(name, names, 1)
+        self.fail(path, f"there is no {what} '{name}'", expected=f"one of {', '.join(names)}",
+                  help=f"did you mean '{near[0]}'?" if near else "")
+
+    def check_table(self, path: tuple, table: Mapping[str, Any], keys: Mapping[str, str]) -> dict[str, Any]:
+        """What is known and of the right type."""
+        good = {}
+        for key, value in table.items():
+            if key not in keys:
+                self.unknown((*path, key), "key", key, keys)
+            elif not is_of(value, keys[key]):
+                self.fail((*path, key), f"'{key}' is {keys[key]}", found=f"{key} = {value!r}")
+            else:
+                good[key] = value
+        return good
+
+    def number(self, table: Mapping[str, Any], key: str, default: Any, low: float, high: float) -> Any:
+        value = table.get(key, default)
+        if not low <= value <= high:
+            self.fail((key,), f"'{key}' is out of range", found=f"{value}", expected=f"{low:g} to {high:g}")
+            return default
+        return value
+
+    def file(self, name: str) -> str:
+        """A path from the study's folder if it is there, else as it is: the name of a shipped graph or scene."""
+        beside = self.folder / name
+        return str(beside) if beside.exists() else name
+
+
+def is_of(value: Any, kind: str) -> bool:
+    number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    return {
+        TEXT: isinstance(value, str), NUMBER: number, WHOLE: number and isinstance(value, int),
+        TEXTS: isinstance(value, list) and all(isinstance(each, str) for each in value),
+        NUMBERS: isinstance(value, list) and all(isinstance(e, (int, float)) and not isinstance(e, bool) for e in value),
+        TABLE: isinstance(value, dict), TABLES: isinstance(value, list) and all(isinstance(each, dict) for each in value),
+        ANY: True,
+    }[kind]
+
+
+def read(host: Host, file: str) -> Study:
+    """A study of a file. raises: Error with all mistakes, each at its line"""
+    path = pathlib.Path(file)
+    shipped = pathlib.Path(__file__).resolve().parents[1] / "studies" / (path.name if path.suffix else f"{path.name}.toml")
+    if not path.exists() and shipped.exists():
+        path = shipped
+    try:
+        text = path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        known = ", ".join(sorted(each.stem for each in shipped.parent.glob("*.toml")))
+        raise Error(2, f"error: the study '{file}' cannot be read: {error}\n  help:     shipped ones are {known}") from error
+    try:
+        written = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
+        where = f"{path}:{place[1]}:{place[2]}" if place else str(path)
+        raise Error(2, f"{where}: error: this is no TOML: {re.sub(r' *[(]at .*', '', str(error))}") from error
+    return understand(host, written, Places(str(path), text), path.stem, path.parent)
+
+
+def of_role(host: Host, role: str, scenes: list[str], settings: list[str]) -> Study:
+    """A study of all techniques of a role, over all their knobs, that nobody wrote."""
+    reader = Reader(host, Places("--role", ""), pathlib.Path())
+    if role not in reader.roles:
+        reader.unknown(("role",), "role", role, reader.roles)
+        raise Error(2, "\n".join(reader.errors))
+    names = sorted(name for of, name in reader.techniques if of == role)
+    written = {"title": f"All techniques of {role}", "role": role, "set": settings, "scene": [{"file": s} for s in scenes],
+               "variant": [{"name": name, "technique": name, "knobs": "all"} for name in names]}
+    return understand(host, written, Places("--role", ""), role, pathlib.Path())
+
+
+def understand(host: Host, written: dict[str, Any], places: Places, name: str, folder: pathlib.Path) -> Study:
+    reader = Reader(host, places, folder)
+    table = reader.check_table((), written, STUDY_KEYS)
+    graph = reader.file(table.get("graph", "deferred"))
+    settings = tuple(table.get("set", []))
+    described = load(reader, ("graph",) if "graph" in table else ("set",), graph, settings)
+    passes = {each["name"]: each for each in described.get("passes", [])}
+    role, pass_name = choose_pass(reader, table, passes)
+    port, measure_metric = choose_port(reader, table, role, pass_name, described)
+    known = [each["name"] for each in metrics()]
+    wanted = tuple(table.get("metrics", [measure_metric or "rmse"]))
+    if not wanted:
+        reader.fail(("metrics",), "'metrics' is empty", expected="at least one, the first for the chart")
+    for i, metric in enumerate(wanted):
+        if metric not in known and not re.fullmatch(r"percentile_\d+(\.\d+)?", metric):
+            reader.unknown(("metrics",), "metric", metric, known)
+        if metric in wanted[:i]:
+            reader.fail(("metrics",), f"metric '{metric}' is there twice")
+    exposures = None
+    if "exposures" in table:
+        given = table["exposures"]
+        if len(given) != 3 or given[0] > given[1] or int(given[2]) != given[2] or given[2] < 1:
+            reader.fail(("exposures",), "'exposures' are start, stop and count", found=f"{given}", expected="[-4, 4, 5]")
+        else:
+            exposures = (float(given[0]), float(given[1]), int(given[2]))
+    tone_mapper = table.get("tone_mapper", "aces")
+    if tone_mapper not in ("aces", "hable", "reinhard"):
+        reader.unknown(("tone_mapper",), "tone mapper", tone_mapper, ("aces", "hable", "reinhard"))
+    scenes = read_scenes(reader, table.get("scene", []))
+    points = read_variants(reader, table.get("variant", []), graph, settings, role, pass_name, port)
+    reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name)
+    study = Study(
+        name, table.get("title", name), port or "", pass_name, scenes, points, reference, wanted,
+        rounds=reader.number(table, "rounds", 15, 7, 1000), frames=reader.number(table, "frames", 3, 1, 1000),
+        settle=reader.number(table, "settle", 1, 1, 10000), resolution=reader.number(table, "resolution", 0.02, 1e-4, 1),
+        error_resolution=reader.number(table, "error_resolution", 0.02, 1e-4, 1),
+        budget_minutes=reader.number(table, "budget_minutes", 30, 0, 1e6), exposures=exposures, tone_mapper=tone_mapper,
+        seed=reader.number(table, "seed", 0, 0, 2**31))
+    if reader.errors:
+        raise Error(2, "\n".join(reader.errors))
+    return study
+
+
+def load(reader: Reader, path: tuple, graph: str, settings: Iterable[str]) -> dict[str, Any]:
+    """What a graph says with settings; {} and a mistake at `path` if it cannot be."""
+    try:
+        with reader.host.graph(graph, list(settings)) as made:
+            return made.describe()
+    except Error as error:
+        reader.fail(path, "the graph does not take these settings:\n    " + str(error).replace("\n", "\n    "))
+        return {}
+
+
+def choose_pass(reader: Reader, table: Mapping[str, Any], passes: Mapping[str, Any]) -> tuple[str | None, str | None]:
+    """(role, pass): either names the other, where there is one."""
+    role, name = table.get("role"), table.get("pass")
+    if role is not None and role not in reader.roles:
+        reader.unknown(("role",), "role", role, reader.roles)
+        return None, None
+    if name is not None and passes:
+        if name not in passes:
+            reader.unknown(("pass",), "pass", name, passes)
+            return role, None
+        return role or passes[name]["role"], name
+    if role is None or not passes:
+        return role, None
+    found = [each["name"] for each in passes.values() if each["role"] == role]
+    if len(found) != 1:
+        reader.fail(("role",), f"the graph has {len(found)} passes of role '{role}'", found=", ".join(found),
+                    expected="'pass' says which" if found else "a graph with such a pass: 'graph' says which")
+        return role, None
+    return role, found[0]
+
+
+def choose_port(reader: Reader, table: Mapping[str, Any], role: str | None, pass_name: str | None,
+                described: Mapping[str, Any]) -> tuple[str | None, str | None]:
+    """(port that is compared, metric of the role's measure)."""
+    names = [port["name"] for port in described.get("ports", []) if port["type"] == "image"]
+    if "port" in table:
+        if names and table["port"] not in names:
+            reader.unknown(("port",), "image port", table["port"], names)
+        return table["port"], None
+    if role is None:
+        return described.get("output"), None
+    measure = reader.roles[role].get("measure") or {}
+    if measure.get("kind") != "image":
+        reader.fail(("role",), f"what role '{role}' makes is no image that could be compared as it is",
+                    expected="'port' says which image is compared: display.color, for instance")
+        return None, None
+    return f"{pass_name}.{measure['port']}" if pass_name else None, measure.get("metric")
+
+
+def read_scenes(reader: Reader, tables: list[dict]) -> tuple[SceneChoice, ...]:
+    scenes: list[SceneChoice] = []
+    if not tables:
+        reader.fail(("scene",), "a study needs a scene", expected="[[scene]] with file = \"atrium.py\"")
+    for i, given in enumerate(tables):
+        table = reader.check_table(("scene", i), given, SCENE_KEYS)
+        if "file" not in table:
+            reader.fail(("scene", i), "a scene has a file")
+            continue
+        file = reader.file(table["file"])
+        path = scene_path(file)
+        if path is None or not path.exists():
+            shipped = sorted(each.name for each in (pathlib.Path(__file__).resolve().parents[1] / "scenes").glob("*.py"))
+            reader.unknown(("scene", i, "file"), "scene", table["file"], shipped)
+            continue
+        for plural, single in (("cameras", "camera"), ("times", "time")):
+            if plural in table and single in table:
+                reader.fail(("scene", i, plural), f"'{single}' and '{plural}' are both there", expected="one of them")
+            if table.get(plural) == []:
+                reader.fail(("scene", i, plural), f"'{plural}' is empty")
+        overlays = tuple(reader.file(each) for each in table.get("overlays", []))
+        for overlay in overlays:
+            if not pathlib.Path(overlay).exists():
+                reader.fail(("scene", i, "overlays"), f"there is no overlay '{overlay}'")
+        cameras = table.get("cameras", [table.get("camera")])
+        times = table.get("times", [table.get("time", 0.0)])
+        where = reader.places.where(("scene", i, "cameras" if "cameras" in table else "camera"))
+        scenes += [SceneChoice(file, camera, float(time), overlays, where)
+                   for camera, time in itertools.product(cameras, times)]
+    return tuple(scenes)
+
+
+def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tuple[str, ...], role: str | None,
+                  pass_name: str | None, port: str | None) -> tuple[Point, ...]:
+    points: list[Point] = []
+    if not tables:
+        reader.fail(("variant",), "a study needs a variant", expected="[[variant]] with name = \"...\"")
+    names: list[str] = []
+    for i, given in enumerate(tables):
+        path = ("variant", i)
+        table = reader.check_table(path, given, VARIANT_KEYS)
+        name = table.get("name", table.get("technique"))
+        if name is None:
+            reader.fail(path, "a variant has a name")
+            continue
+        if name in names:
+            reader.fail((*path, "name"), f"two variants are called '{name}'")
+        names.append(name)
+        swapped = swap(reader, path, table, role, pass_name)
+        own = (*settings, *swapped, *table.get("set", []))
+        own_graph = reader.file(table["graph"]) if "graph" in table else graph
+        place = next(((*path, key) for key in ("set", "graph", "technique") if key in table), path)
+        described = load(reader, place, own_graph, own)
+        if described and port is not None and port not in [each["name"] for each in described["ports"]]:
+            reader.fail(place, f"the variant's graph has no port '{port}', which is compared")
+        present = next((each for each in described.get("passes", []) if each["name"] == pass_name), None)
+        if described and present is None and "knobs" in table:
+            reader.fail((*path, "knobs"), "of which pass are these the knobs?",
+                        expected="'role' or 'pass' at the top, and the pass in the variant's graph")
+        ladders = read_knobs(reader, path, table.get("knobs"), role, present)
+        for rung in rungs(ladders):
+            everything = (*own, *[f"{pass_name}.params.{knob}={toml(value)}" for knob, value in rung])
+            # A value of a file's own ladder may be out of range; one such mistake is enough.
+            if rung and not reader.errors:
+                load(reader, (*path, "knobs"), own_graph, everything)
+            points.append(Point(name, own_graph, everything, rung))
+    return tuple(points)
+
+
+def swap(reader: Reader, path: tuple, table: Mapping[str, Any], role: str | None, pass_name: str | None) -> tuple[str, ...]:
+    """The setting that gives the study's pass its variant's technique."""
+    if "technique" not in table:
+        return ()
+    if pass_name is None:
+        if role is None:
+            reader.fail((*path, "technique"), "of which pass is that a technique?", expected="'role' or 'pass' at the top")
+        return ()
+    own = [name for of, name in reader.techniques if of == role]
+    if table["technique"] not in [*own, "none"]:
+        reader.unknown((*path, "technique"), f"technique of role '{role}'", table["technique"], ["none", *own])
+        return ()
+    return (f"{pass_name}.technique={table['technique']}",)
+
+
+def toml(value: Any) -> str:
+    """A knob's value as settings have it: choices are words, and need no quotes."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def read_knobs(reader: Reader, path: tuple, knobs: Any, role: str | None, present: Mapping[str, Any] | None) -> dict[str, list]:
+    """{knob: values from cheap to accurate}; empty: one point."""
+    if knobs is None or present is None or role is None:
+        return {}
+    technique = reader.techniques.get((role, present["technique"]))
+    parameters = {each["name"]: each for each in technique["parameters"]} if technique else {}
+    declared = {key: rung_values(each) for key, each in parameters.items() if each["ladder"]}
+    if knobs == "all":
+        return declared
+    if isinstance(knobs, list) and all(isinstance(knob, str) for knob in knobs):
+        for knob in knobs:
+            if knob not in declared:
+                reader.unknown((*path, "knobs"), f"knob of {role}/{present['technique']}", knob, declared)
+        return {knob: declared[knob] for knob in knobs if knob in declared}
+    if isinstance(knobs, dict) and all(isinstance(values, list) and values for values in knobs.values()):
+        for knob in knobs:
+            if knob not in parameters:
+                reader.unknown((*path, "knobs"), f"parameter of {role}/{present['technique']}", knob, parameters)
+        return {knob: values for knob, values in knobs.items() if knob in parameters}
+    reader.fail((*path, "knobs"), "'knobs' says which ladders are climbed", found=f"knobs = {knobs!r}",
+                expected="\"all\", a list of knobs, or a table of values: { steps = [2, 4, 8] }")
+    return {}
+
+
+def rung_values(parameter: Mapping[str, Any]) -> list:
+    """A knob's ladder as settings have it."""
+    if parameter["type"] == "choice":
+        return [parameter["choices"][int(value)] for value in parameter["ladder"]]
+    if parameter["type"] == "bool":
+        return [str(bool(value)).lower() for value in parameter["ladder"]]
+    return [int(value) if parameter["type"] == "int" else value for value in parameter["ladder"]]
+
+
+def rungs(ladders: Mapping[str, list]) -> list[tuple[tuple[str, Any], ...]]:
+    """All ladders climbed together, the i-th value of each; one that ends first stays on its last."""
+    if not ladders:
+        return [()]
+    height = max(len(values) for values in ladders.values())
+    return [tuple((knob, values[min(i, len(values) - 1)]) for knob, values in ladders.items()) for i in range(height)]
+
+
+def read_reference(reader: Reader, given: dict | None, graph: str, settings: tuple[str, ...], role: str | None,
+                   pass_name: str | None) -> Reference | None:
+    """As written, else what the role names; at the last rung of each ladder that neither says."""
+    table = reader.check_table(("reference",), given or {}, REFERENCE_KEYS)
+    own_graph = reader.file(table["graph"]) if "graph" in table else graph
+    named: tuple[str, ...] = ()
+    if "technique" in table:
+        named = swap(reader, ("reference",), table, role, pass_name)
+    elif "graph" not in table and "set" not in table:
+        references = reader.roles[role].get("references") or {} if role is not None else {}
+        stated = references.get("same_model") or references.get("physical")
+        if stated is None or pass_name is None:
+            if not reader.errors:
+                reader.fail(("reference",), "nothing says what is true", expected="[reference] with technique, graph or set")
+            return None
+        technique = stated["technique"].split("/")[-1]
+        named = (f"{pass_name}.technique={technique}",)
+        known = reader.techniques.get((role or "", technique))
+        last = {each["name"]: rung_values(each)[-1] for each in known["parameters"] if each["ladder"]} if known else {}
+        named += tuple(f"{pass_name}.params.{key}={value}" for key, value in (last | stated["params"]).items())
+    everything = (*settings, *named, *table.get("set", []))
+    load(reader, ("reference", "set") if "set" in table else ("reference",), own_graph, everything)
+    parts = table.get("parts", 8)
+    if not 1 <= parts <= 1000:
+        reader.fail(("reference", "parts"), "'parts' is out of range", found=f"{parts}", expected="1 to 1000")
+    return Reference(own_graph, everything, parts)

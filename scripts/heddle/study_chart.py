@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Error over time as a picture: a line a ladder, intervals on both axes, the points that no other one beats."""
+
+from __future__ import annotations
+
+import math
+import pathlib
+
+from .study import Study
+
+WHY_NONE = ("matplotlib is not installed, so there is no chart; the numbers are in the tables\n"
+            "  help: on Debian, apt-get install python3-matplotlib")
+# Okabe and Ito 2008, told apart by people who see colours differently as well; markers tell them apart in print.
+COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"]
+MARKERS = "osD^vP*X"
+
+
+def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path | None:
+    """FOLDER/error_over_time.png, a row of axes for each scene: over the frame's time, and over the pass's. None without
+    matplotlib, or if there is nothing that could be drawn."""
+    try:
+        import matplotlib
+
+        matplotlib.use("Agg")
+        import matplotlib.pyplot as plt
+    except ImportError:
+        return None
+    metric = study.metrics[0]
+    times = [("frame", "frame, submission to fence [ms]")]
+    if study.pass_name is not None:
+        times.append((f"pass {study.pass_name}", f"pass '{study.pass_name}' alone [ms]"))
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    figure, all_axes = plt.subplots(len(scenes), len(times), squeeze=False, layout="constrained",
+                                    figsize=(6.2 * len(times), 4.6 * len(scenes)))
+    for i, scene in enumerate(scenes):
+        for j, (quantity, label) in enumerate(times):
+            draw_scene(all_axes[i][j], study, [row for row in rows if row["scene"] == scene], quantity, metric)
+            all_axes[i][j].set(xlabel=label, title=scene)
+        all_axes[i][0].set_ylabel(f"{metric} of {study.port} against the reference")
+        all_axes[i][0].legend(fontsize=7)
+    figure.suptitle(study.title)
+    file = folder / "error_over_time.png"
+    partial = folder / f".error_over_time.partial.png"
+    figure.savefig(partial, dpi=130)
+    plt.close(figure)
+    partial.replace(file)
+    return file
+
+
+def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str) -> None:
+    found = {(row["variant"], row["knobs"], row["quantity"]): row for row in rows if row.get("value") is not None}
+    front = []
+    for number, variant in enumerate(dict.fromkeys(point.variant for point in study.points)):
+        drawn = []
+        for point in study.points:
+            knobs = " ".join(f"{knob}={value}" for knob, value in point.knobs)
+            time, error = found.get((variant, knobs, quantity)), found.get((variant, knobs, metric))
+            # A logarithm has no place for an error of 0: such points are in the tables alone.
+            if point.variant == variant and time and error and time["value"] > 0 and error["value"] > 0:
+                drawn.append((time, error, ", ".join(str(value) for _, value in point.knobs)))
+                if error.get("is_on_front") and quantity == "frame":
+                    front.append((time["value"], error["value"]))
+        if not drawn:
+            continue
+        x, y = [t["value"] for t, _, _ in drawn], [e["value"] for _, e, _ in drawn]
+        names = ", ".join(knob for knob, _ in next(p.knobs for p in study.points if p.variant == variant))
+        axes.errorbar(x, y, xerr=reaches([t for t, _, _ in drawn]), yerr=reaches([e for _, e, _ in drawn]), capsize=2,
+                      color=COLORS[number % len(COLORS)], marker=MARKERS[number % len(MARKERS)], markersize=5, linewidth=1.2,
+                      elinewidth=0.8, label=f"{variant} ({names})" if names else variant)
+        for k, (time, error, values) in enumerate(drawn):
+            if values and (len(values) <= 12 or k in (0, len(drawn) - 1)):
+                axes.annotate(values, (time["value"], error["value"]), textcoords="offset points",
+                              xytext=(5, 5 if k % 2 == 0 else -10), fontsize=6.5)
+    if len(front) > 1:
+        front.sort()
+        axes.step([x for x, _ in front], [y for _, y in front], where="post", color="0.5", linestyle=":", linewidth=1.5,
+                  zorder=0, label="no other point beats these")
+    axes.set(xscale="log", yscale="log")
+    axes.margins(0.12)
+    for axis in (axes.xaxis, axes.yaxis):
+        plain_numbers(axis)
+    axes.grid(True, which="both", alpha=0.25)
+
+
+def plain_numbers(axis) -> None:
+    """0.02 and 50 instead of powers of ten; between these as many as there is room for."""
+    from matplotlib import ticker
+
+    low, high = axis.get_view_interval()
+    decades = abs(math.log10(high / low)) if low > 0 and high > 0 else 1
+    axis.set_minor_locator(ticker.LogLocator(subs=tuple(range(2, 10)) if decades < 1 else (2, 5), numticks=50))
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if decades < 2.5 else ""))
+    axis.set_tick_params(which="both", labelsize=8)
+
+
+def reaches(rows: list[dict]) -> list[list[float]]:
+    """Lengths of error bars; on a logarithmic axis none reaches down to 0."""
+    down = [min(row["value"] - row["low"], 0.95 * row["value"]) for row in rows]
+    return [[max(0.0, d) for d in down], [max(0.0, row["high"] - row["value"]) for row in rows]]

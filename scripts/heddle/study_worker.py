@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A variant of a study in a process of its own: does what it is told, line by line, and nothing in between.
+
+A request is a JSON object with "do", the name of a method of Worker, and its arguments; the answer is a JSON object, or
+{"error", "status"}. Whoever asks has its pipes as standard input and output; what else is printed goes to stderr. It ends
+with its standard input.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import sys
+from typing import Any
+
+import numpy as np
+
+from . import Error, Graph, Host, Scene
+from .__main__ import Update, imported_files, load_scene, scene_path, stays
+
+
+class Worker:
+    def __init__(self) -> None:
+        self.host: Host | None = None
+        self.scene: Scene | None = None
+        self.update: Update = stays
+        self.time = 0.0
+        self.graphs: dict[str, Graph] = {}
+
+    def open(self, scene: dict, device: str | None) -> dict:
+        """The host, and the scene with its overlays and camera. Answers with the files that it was made of, and the devices
+        with their drivers that are there."""
+        self.host = Host(device, log=lambda severity, text: print(text, file=sys.stderr) if severity < 2 else None)
+        self.scene = self.host.scene()
+        self.time = scene["time"]
+        self.update = load_scene(self.scene, scene["file"])
+        for overlay in scene["overlays"]:
+            self.scene.load(overlay)
+        cameras = self.scene.describe().get("cameras", [])
+        if scene["camera"] is not None:
+            if scene["camera"] not in cameras:
+                raise Error(2, f"the scene has no camera '{scene['camera']}'\n  expected: one of {', '.join(cameras)}")
+            self.scene.use_camera(cameras.index(scene["camera"]))
+        self.update(self.scene, self.time)
+        own = {str(scene_path(scene["file"])), str(pathlib.Path(__file__).with_name("shapes.py"))}
+        files = own | {*scene["overlays"], *self.scene.files(), *imported_files(scene["file"])}
+        return {"files": sorted(files), "devices": self.host.devices()}
+
+    def load(self, point: str, graph: str, settings: list[str], keep: str) -> dict:
+        """A graph with its settings, under the name of a point. Plans nothing yet. Answers with its files."""
+        assert self.host is not None
+        made = self.graphs[point] = self.host.graph(graph, settings)
+        made.keep(keep)
+        return {"files": made.files()}
+
+    def render(self, point: str, frames: int, seed: int = 0, cut: bool = False) -> dict:
+        """Frames that measure nothing but themselves: milliseconds from submission to fence of each."""
+        graph, times = self.graphs[point], []
+        for frame in range(frames):
+            graph.render(self._scene(), time=self.time, seed=seed, cut=cut and frame == 0, anew=True)
+            times.append(graph.stats()["submit_ms"])
+        return {"ms": times}
+
+    def profile(self, point: str, frames: int) -> dict:
+        """Frames that are submitted stage by stage: {pass: milliseconds of each frame}, memory and counters."""
+        graph, passes = self.graphs[point], {}
+        for _ in range(frames):
+            graph.render(self._scene(), time=self.time, anew=True, profile=True)
+            sums: dict[str, float] = {}
+            for stage in graph.stats()["stages"]:
+                sums[stage["pass"]] = sums.get(stage["pass"], 0.0) + stage["wall_ms"]
+            for name, ms in sums.items():
+                passes.setdefault(name, []).append(ms)
+        graph.render(self._scene(), time=self.time, anew=True)
+        stats = graph.stats()
+        return {"passes": passes, "memory": stats["memory"], "counters": stats["counters"], "device": stats["device"]}
+
+    def read(self, point: str, port: str, file: str) -> dict:
+        """Writes a port of the last frame as an array of numpy, whole or not at all."""
+        partial = f"{file}.{os.getpid()}.partial.npy"
+        pixels = self.graphs[point].read(port)
+        np.save(partial, pixels)
+        pathlib.Path(partial).replace(file)
+        return {"shape": pixels.shape}
+
+    def forget(self, point: str) -> dict:
+        self.graphs.pop(point).close()
+        return {}
+
+    def _scene(self) -> Scene:
+        assert self.scene is not None
+        return self.scene
+
+
+def main() -> None:
+    # The answers' pipe is nobody else's: what scenes or plugins print must not end up in it.
+    answers = os.fdopen(os.dup(1), "w")
+    os.dup2(2, 1)
+    worker = Worker()
+    for line in sys.stdin:
+        request: dict[str, Any] = json.loads(line)
+        try:
+            answer = getattr(worker, request.pop("do"))(**request)
+        except Error as error:
+            answer = {"error": str(error), "status": error.status}
+        print(json.dumps(answer), file=answers, flush=True)
+    if worker.host is not None:
+        worker.host.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,353 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Studies: what is wrong in a file is said before anything renders; what is lost is told while the others finish; what is
+measured is kept; the table says what was measured."""
+
+import argparse
+import csv
+import json
+import os
+import pathlib
+import re
+import signal
+import subprocess
+import threading
+
+import numpy as np
+import pytest
+
+import heddle
+from heddle import statistics as s
+from heddle import study as definition
+from heddle import study_run
+
+SMALL = """\
+title = "Small"
+role = "ambient_occlusion"
+graph = "studio"
+set = ["extent=[32,18]"]
+metrics = ["rmse", "ssim"]
+rounds = 7
+frames = 1
+[[scene]]
+file = "cornell_box.py"
+camera = "front"
+[[variant]]
+name = "few"
+technique = "gtao"
+set = ["ao.params.steps=2"]
+[[variant]]
+name = "rays"
+technique = "ray_traced"
+knobs = { samples = [1, 4] }
+[reference]
+technique = "ray_traced"
+set = ["ao.params.samples=64"]
+parts = 4
+"""
+
+
+def options(**given):
+    known = {"files": [], "role": None, "set": [], "folder": None, "device": None, "rounds": None, "budget": None,
+             "timeout": 120.0, "dry_run": False, "gate": False, "quiet": True}
+    return argparse.Namespace(**(known | given))
+
+
+def written(tmp_path, text, name="small.toml"):
+    file = tmp_path / name
+    file.write_text(text)
+    return str(file)
+
+
+def run(tmp_path, text=SMALL, stop=lambda: None, **given):
+    return study_run.run_study(options(files=[written(tmp_path, text)], folder=str(tmp_path / "out"), **given), stop)
+
+
+def table(tmp_path):
+    with open(tmp_path / "out" / "results.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def refusal(host, tmp_path, text):
+    with pytest.raises(heddle.Error) as raised:
+        definition.read(host, written(tmp_path, text))
+    assert raised.value.status == 2
+    return str(raised.value).replace(str(tmp_path), "")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def lock_of_our_own(tmp_path_factory):
+    # Tests measure nothing that another study on this machine could disturb, and must not wait for it.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study_run, "LOCK", tmp_path_factory.mktemp("lock") / "lock")
+        yield
+
+
+# ---- Files ----
+
+@pytest.mark.parametrize(("before", "after", "place", "message"), [
+    ('technique = "gtao"', 'technique = "gtoa"', "13:1", "there is no technique of role 'ambient_occlusion' 'gtoa'\n"
+     "  expected: one of none, gtao, ray_traced, ssao\n  help:     did you mean 'gtao'?"),
+    ('metrics = ["rmse", "ssim"]', 'metrics = ["rsme"]', "5:1", "there is no metric 'rsme'"),
+    ('"cornell_box.py"', '"cornel_box.py"', "9:1", "there is no scene 'cornel_box.py'"),
+    ("rounds = 7", "round = 7", "6:1", "there is no key 'round'"),
+    ("rounds = 7", "rounds = 3", "6:1", "'rounds' is out of range\n  found:    3\n  expected: 7 to 1000"),
+    ("rounds = 7", 'rounds = "7"', "6:1", "'rounds' is a whole number\n  found:    rounds = '7'"),
+    ('name = "rays"', 'name = "few"', "16:1", "two variants are called 'few'"),
+    ("{ samples = [1, 4] }", '["sample"]', "18:1", "there is no knob of ambient_occlusion/ray_traced 'sample'\n"
+     "  expected: one of samples\n  help:     did you mean 'samples'?"),
+    ("{ samples = [1, 4] }", "3", "18:1", "'knobs' says which ladders are climbed"),
+    ('"ao.params.steps=2"', '"ao.params.stpes=2"', "14:1", "the graph does not take these settings"),
+    ('role = "ambient_occlusion"', 'role = "ambient"', "2:1", "there is no role 'ambient'"),
+    ('graph = "studio"', 'graph = "stduio"', "3:1", "the graph does not take these settings"),
+    ("{ samples = [1, 4] }", "{ samples = [1, 0] }", "18:1", "the graph does not take these settings"),
+    ('metrics = ["rmse", "ssim"]', "metrics = []", "5:1", "'metrics' is empty"),
+    ('camera = "front"', "cameras = []", "10:1", "'cameras' is empty"),
+    ('technique = "gtao"\nset = ["ao.params.steps=2"]', 'graph = "furnace"', "13:1", "the variant's graph has no port 'ao.visibility'"),
+    ("parts = 4", "parts = 0", "22:1", "'parts' is out of range"),
+    ("parts = 4", "parts = ", "22:9", "this is no TOML"),
+])
+def test_mistakes_are_said_at_their_lines(host, tmp_path, before, after, place, message):
+    assert before in SMALL
+    assert f"/small.toml:{place}: error: {message}" in refusal(host, tmp_path, SMALL.replace(before, after))
+
+
+def test_all_mistakes_are_said_at_once(host, tmp_path):
+    text = SMALL.replace("rounds = 7", "round = 7").replace('"gtao"', '"gtoa"').replace('"ssim"', '"sim"')
+    assert len(re.findall(r"^/small.toml:\d+:\d+: error:", refusal(host, tmp_path, text), re.M)) == 3
+
+
+def test_a_study_without_scenes_or_variants_is_none(host, tmp_path):
+    text = refusal(host, tmp_path, 'role = "ambient_occlusion"\n')
+    assert "a study needs a scene" in text and "a study needs a variant" in text
+
+
+def test_a_role_without_an_image_asks_for_a_port(host, tmp_path):
+    text = SMALL.replace("ambient_occlusion", "shadow").replace('technique = "gtao"', 'technique = "shadow_map"')
+    assert "'port' says which image is compared" in refusal(host, tmp_path, text)
+
+
+def test_what_a_file_leaves_open_the_role_says(host, tmp_path):
+    study = definition.read(host, written(tmp_path, SMALL))
+    assert (study.port, study.pass_name) == ("ao.visibility", "ao")
+    assert [point.name for point in study.points] == ["few", "rays samples=1", "rays samples=4"]
+    assert study.points[2].settings == ("extent=[32,18]", "ao.technique=ray_traced", "ao.params.samples=4")
+    no_reference = definition.read(host, written(tmp_path, SMALL[:SMALL.index("[reference]")]))
+    assert "ao.technique=ray_traced" in no_reference.reference.settings
+    assert "ao.params.samples=1024" in no_reference.reference.settings
+
+
+def test_a_role_alone_is_a_study_of_all_its_techniques_and_knobs(host):
+    study = definition.of_role(host, "ambient_occlusion", ["cornell_box.py"], ["extent=[32,18]"])
+    assert {point.variant for point in study.points} == {"gtao", "ray_traced", "ssao"}
+    by_variant = [point for point in study.points if point.variant == "ssao"]
+    assert len(by_variant) == 5 and {knob for knob, _ in by_variant[0].knobs} >= {"points", "blur_passes"}
+    with pytest.raises(heddle.Error, match="did you mean 'ambient_occlusion'"):
+        definition.of_role(host, "ambient_oclusion", ["cornell_box.py"], [])
+
+
+def test_shipped_studies_are_right(host, root):
+    files = sorted((root / "scripts" / "studies").glob("*.toml"))
+    assert files
+    for file in files:
+        assert definition.read(host, file.stem).points
+
+
+def test_ladders_are_climbed_together():
+    assert definition.rungs({"a": [1, 2, 3], "b": [5, 6]}) == [
+        (("a", 1), ("b", 5)), (("a", 2), ("b", 6)), (("a", 3), ("b", 6))]
+
+
+# ---- Running ----
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("study")
+    assert run(folder) == 0
+    return folder
+
+
+def test_the_table_has_every_point_and_quantity_with_its_interval(finished):
+    rows = table(finished)
+    points = {(row["variant"], row["knobs"]) for row in rows}
+    assert points == {("few", ""), ("rays", "samples=1"), ("rays", "samples=4")}
+    for quantity, unit in (("frame", "ms"), ("pass ao", "ms"), ("rmse", "1"), ("ssim", "1")):
+        own = [row for row in rows if row["quantity"] == quantity]
+        assert {(row["variant"], row["knobs"]) for row in own} == points
+        for row in own:
+            assert float(row["low"]) <= float(row["value"]) <= float(row["high"]) and row["unit"] == unit
+    assert any(row["quantity"] == "memory transient_bytes" for row in rows)
+    assert any(row["quantity"].startswith("count ") for row in rows)
+    told = {row["verdict"] for row in rows if row["against"]}
+    assert told <= {s.BETTER, s.WORSE, s.SAME, s.UNDECIDED} and told
+    assert all(row["state"] == "ok" for row in rows)
+
+
+def test_errors_are_those_of_the_images(finished, host):
+    # The point without randomness, rendered again here, against the reference that the study kept.
+    reference = np.load(finished / "out" / "reference_cornell_box_front.npy")
+    with host.scene() as scene, host.graph("studio", ["extent=[32,18]", "ao.params.steps=2", "ao.technique=gtao"]) as graph:
+        from heddle.__main__ import load_scene
+
+        load_scene(scene, "cornell_box.py")
+        scene.use_camera(0)
+        graph.keep("ao.visibility")
+        graph.render(scene)
+        expected = heddle.compare(graph.read("ao.visibility"), reference, "rmse")
+    row = next(row for row in table(finished) if row["quantity"] == "rmse" and row["variant"] == "few")
+    assert float(row["value"]) == pytest.approx(expected, rel=1e-9)
+    assert float(row["high"]) > expected  # the reference's own variance
+
+
+def test_more_rays_err_less_and_that_is_seen(finished):
+    rows = {row["knobs"]: row for row in table(finished) if row["quantity"] == "rmse"}
+    assert float(rows["samples=4"]["high"]) < float(rows["samples=1"]["low"])
+
+
+def test_ssim_is_better_where_it_is_higher(finished):
+    rows = {row["variant"] + row["knobs"]: row for row in table(finished) if row["quantity"] == "ssim"}
+    gap = float(rows["rayssamples=4"]["value"]) - float(rows["few"]["value"])
+    assert float(rows["rayssamples=4"]["difference"]) == pytest.approx(gap, abs=0.02)
+    expected = s.BETTER if gap > 0 else s.WORSE
+    assert rows["rayssamples=4"]["verdict"] == expected or abs(gap) < float(rows["rayssamples=4"]["smallest_seen"])
+
+
+def test_the_front_is_what_nobody_beats(finished):
+    rows = table(finished)
+    times = {row["variant"] + row["knobs"]: float(row["value"]) for row in rows if row["quantity"] == "frame"}
+    errors = {row["variant"] + row["knobs"]: row for row in rows if row["quantity"] == "rmse"}
+    for name, row in errors.items():
+        beaten = any(times[o] <= times[name] and float(e["value"]) <= float(row["value"]) and o != name
+                     for o, e in errors.items())
+        assert row["is_on_front"] == str(not beaten)
+
+
+def test_there_is_a_chart(finished, host):
+    chart = host.read_image(finished / "out" / "error_over_time.png")
+    assert min(chart.shape[:2]) > 300 and chart.std() > 0.05
+
+
+def test_json_says_what_the_table_does(finished):
+    report = json.loads((finished / "out" / "results.json").read_text())
+    assert len(report["rows"]) == len(table(finished))
+    assert report["machine"]["processors"] == os.cpu_count()
+    assert set(report["restless"]) == {"cornell_box front"}
+
+
+def test_what_is_measured_is_not_measured_again(finished, monkeypatch):
+    asked = []
+    ask = study_run.Worker.ask
+    monkeypatch.setattr(study_run.Worker, "ask", lambda self, do, **a: asked.append((do, a.get("point"))) or ask(self, do, **a))
+    measured = {file.name: file.stat().st_mtime_ns for file in (finished / "out" / "measured").iterdir()}
+    before = table(finished)
+    assert run(finished) == 0
+    assert {file.name: file.stat().st_mtime_ns for file in (finished / "out" / "measured").iterdir()} == measured
+    assert not [each for each in asked if each[0] in ("profile", "read") or each == ("render", study_run.REFERENCE)]
+    assert [row for row in table(finished) if row["quantity"] in ("frame", "rmse")] == [
+        row for row in before if row["quantity"] in ("frame", "rmse")]
+
+
+def test_an_interrupted_study_goes_on(tmp_path, monkeypatch):
+    rounds = []
+    append = study_run.Store.append
+
+    def interrupted(self, key, value):
+        append(self, key, value)
+        rounds.append(value)
+        if len(rounds) == 3:
+            raise heddle.Error(6, "stopped")
+
+    monkeypatch.setattr(study_run.Store, "append", interrupted)
+    with pytest.raises(heddle.Error, match="stopped"):
+        run(tmp_path)
+    times = next((tmp_path / "out" / "measured").glob("*.jsonl"))
+    times.write_text(times.read_text() + '{"round": 3, "ord')  # and in the middle of a line
+    assert run(tmp_path) == 0
+    kept = [json.loads(line) for line in times.read_text().splitlines()]
+    assert kept[:3] == rounds[:3] and len(kept) == 7 and [each["round"] for each in kept] == list(range(7))
+
+
+@pytest.mark.parametrize(("number", "timeout", "state"), [(signal.SIGKILL, 60.0, "crashed"), (signal.SIGSTOP, 8.0, "hung")])
+def test_a_lost_variant_is_told_while_the_others_finish(tmp_path, monkeypatch, number, timeout, state):
+    ask, seen = study_run.Worker.ask, []
+
+    def losing(self, do, **arguments):
+        # In the third turn that is timed, and again when it is tried once more.
+        if do == "render" and arguments["point"] == "rays samples=1" and arguments["frames"] == 2 and "seed" not in arguments:
+            seen.append(self.process.pid)
+            if len(seen) > 4:
+                os.kill(self.process.pid, number)
+        return ask(self, do, **arguments)
+
+    monkeypatch.setattr(study_run.Worker, "ask", losing)
+    assert run(tmp_path, timeout=timeout) == 4
+    rows = table(tmp_path)
+    lost = [row for row in rows if row["knobs"] == "samples=1" and row["quantity"] == "frame"]
+    assert [row["state"] for row in lost] == [state] and lost[0]["note"]
+    for variant, knobs in (("few", ""), ("rays", "samples=4")):
+        frame = next(row for row in rows if (row["variant"], row["knobs"], row["quantity"]) == (variant, knobs, "frame"))
+        assert frame["state"] == "ok" and int(frame["samples"]) >= 14
+    assert not any(study_run.used_seconds(pid) for pid in set(seen))  # nobody stays behind
+
+
+def test_a_camera_that_is_not_there_is_said_at_its_line(tmp_path):
+    with pytest.raises(heddle.Error, match=r"small.toml:10:1: error: nothing of scene 'cornell_box frnt' can be rendered\n"
+                                           r"    the scene has no camera 'frnt'\n      expected: one of front"):
+        run(tmp_path, SMALL.replace('"front"', '"frnt"'))
+
+
+def test_a_study_beyond_its_budget_says_so_before_it_times_anything(tmp_path):
+    with pytest.raises(heddle.Error, match="this study would take about .* more; its budget is 0.001 min"):
+        run(tmp_path, budget=0.001)
+    assert not list((tmp_path / "out" / "measured").glob("*.jsonl"))
+
+
+def test_one_study_times_at_once(tmp_path):
+    said, order = [], []
+    entered, leave = threading.Event(), threading.Event()
+
+    def first():
+        with study_run.timing_alone(said.append, lambda: None):
+            entered.set()
+            leave.wait(20)
+            order.append("first")
+
+    thread = threading.Thread(target=first)
+    thread.start()
+    entered.wait(20)
+    with pytest.raises(heddle.Error):  # waiting can be stopped
+        with study_run.timing_alone(said.append, stopped):
+            pass
+    assert "another study is timing" in said[0]
+    leave.set()
+    with study_run.timing_alone(said.append, lambda: None):
+        order.append("second")
+    thread.join()
+    assert order == ["first", "second"]
+
+
+def stopped():
+    raise heddle.Error(6, "stopped")
+
+
+@pytest.mark.parametrize(("verdicts", "states", "status"), [
+    ([s.SAME, s.BETTER], ["ok"], 0), ([s.WORSE, s.UNDECIDED], ["ok"], 1), ([s.SAME, s.UNDECIDED], ["ok"], 2),
+    ([s.SAME], ["crashed"], 1), ([], ["ok"], 0)])
+def test_a_gate_is_for_what_is_worse(verdicts, states, status):
+    rows = [{"verdict": verdict, "state": "ok"} for verdict in verdicts] + [{"state": state} for state in states]
+    assert study_run.gate(rows) == status
+
+
+def test_the_command_studies(command, tmp_path):
+    done = subprocess.run([command, "study", "--dry-run", written(tmp_path, SMALL)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[2].startswith("rays samples=4: extent=[32,18] ao.technique=ray_traced")
+    wrong = subprocess.run([command, "study", written(tmp_path, SMALL.replace("gtao", "gtoa"))], capture_output=True, text=True)
+    assert wrong.returncode == 2 and ":13:1: error:" in wrong.stderr
+
+
+def test_without_matplotlib_there_are_tables(finished, monkeypatch):
+    from heddle import study_chart
+
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
+    assert study_chart.draw(None, [], pathlib.Path()) is None
+    assert "python3-matplotlib" in study_chart.WHY_NONE
