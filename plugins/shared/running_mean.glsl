@@ -19,9 +19,10 @@ bool is_finite(vec4 value) {
 RunningMean add_sample(RunningMean mean, vec4 value, float weight) {
   if (!is_finite(value)) return mean;
   float total = mean.weight + weight;
-  // precise: the bits that are lost are what is computed here.
+  // precise: the bits that are lost are what is computed here. Divided in this order, the first sample is the mean to
+  // the last bit, whatever it weighs.
   precise vec4 difference = (value - mean.high) - mean.low;
-  precise vec4 rest = mean.low + difference * weight / total;
+  precise vec4 rest = mean.low + difference / (total / weight);
   precise vec4 high = mean.high + rest;
   precise vec4 added = high - mean.high;
   precise vec4 low = (mean.high - (high - added)) + (rest - added);

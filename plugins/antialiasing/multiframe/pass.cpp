@@ -3,8 +3,8 @@
 // number of frames; shows the mean so far, and rests when all are in it.
 #include <heddle/pass.hpp>
 
+#include "camera_loop.hpp"
 #include "kernel.hpp"
-#include "moved_view.hpp"
 
 namespace {
 using namespace heddle::pass;
@@ -12,7 +12,7 @@ using namespace heddle::pass;
 constexpr heddle_port kPorts[] = {
     port("radiance", HEDDLE_PORT_IMAGE, HEDDLE_INOUT, "one sample in, the mean so far out [cd/m^2]"),
     value_in("camera", "the view through the centres of the pixels"),
-    value_out("sample_camera", sizeof(HeddleView), "the view of one sample", "HeddleView sample_camera;"),
+    sampling::kSampleCameraPort,
     image_out("mean", VK_FORMAT_R32G32B32A32_SFLOAT, "of the samples so far, as the accumulator holds it",
               HEDDLE_PORT_KEPT),
     image_out("residual", VK_FORMAT_R32G32B32A32_SFLOAT, "what the mean lacks, if it is a pair of floats [cd/m^2]",
@@ -54,12 +54,11 @@ constexpr heddle_parameter kParameters[] = {
               "as display's: white is 1.2 * 2^exposure cd/m^2, where rgba8 and rgba16 end"),
 };
 enum StageIndex : std::uint32_t { kMove, kAccumulate, kResolve };
-constexpr heddle_access kMoveAccesses[] = {value("camera"), value("sample_camera")};
 constexpr heddle_access kAccumulateAccesses[] = {sampled("radiance"), storage_read_write("mean"),
                                                  storage_read_write("residual"), storage_read_write("weight")};
 constexpr heddle_access kResolveAccesses[] = {sampled("mean"), color_target("radiance")};
 constexpr heddle_stage kStages[] = {
-    in_loop(HEDDLE_LOOP_BEFORE, cpu_stage("move", kMoveAccesses)),
+    sampling::kMoveStage,
     in_loop(HEDDLE_LOOP_AFTER, gpu_stage("accumulate", kAccumulateAccesses)),
     gpu_stage("resolve", kResolveAccesses),
 };
@@ -67,8 +66,6 @@ constexpr heddle_shader kShaders[] = {
     compute_shader("accumulate", "accumulate", "accumulate.comp.glsl"),
     fullscreen_shader("resolve", "resolve", "resolve.frag.glsl"),
 };
-constexpr heddle_override kOverrides[] = {override_of("camera", "sample_camera")};
-constexpr heddle_loop kLoop = loop(kOverrides, "radiance");
 
 class Multiframe {
  public:
@@ -89,27 +86,18 @@ class Multiframe {
   }
 
   heddle_status iterations(const heddle_frame_info& info, heddle_iterations& out) {
-    if (info.is_still == 0) done_ = 0;
-    out.total = static_cast<std::uint32_t>(host_.integer("samples"));
-    out.first = done_;
-    out.count = out.total - done_;
     const auto most = static_cast<std::uint32_t>(host_.integer("samples_per_frame"));
-    if (most != 0) out.count = std::min(out.count, most);
-    done_ += out.count;
+    count_.next(info, static_cast<std::uint32_t>(host_.integer("samples")), most == 0 ? UINT32_MAX : most, out);
     return HEDDLE_OK;
   }
 
   heddle_status execute(const Frame& frame) {
-    const auto camera = frame.value<HeddleView>("camera");
-    if (camera.empty()) return host_.fail(HEDDLE_BUG, "there is no camera");
     const multiframe::Design wanted = design();
     if (wanted != design_) {
       offsets_ = multiframe::sample_offsets(wanted);
       design_ = wanted;
     }
-    const multiframe::Point& offset = offsets_[frame.info().iteration];
-    const HeddleView view = sampling::moved(camera[0], -offset[0], -offset[1]);
-    return frame.set_value("sample_camera", std::span(&view, 1));
+    return sampling::set_sample_camera(frame, offsets_[frame.info().iteration]);
   }
 
   heddle_status record(const Frame& frame) const {
@@ -136,7 +124,7 @@ class Multiframe {
   }
 
   PassHost host_;
-  std::uint32_t done_ = 0;                  // samples in the mean when the next frame begins, if nothing changes
+  sampling::SampleCount count_;
   multiframe::Design design_;               // of offsets_; of none before the first frame
   std::vector<multiframe::Point> offsets_;  // of the samples, in pixels
 };
@@ -144,12 +132,9 @@ class Multiframe {
 constexpr heddle_technique kMultiframe = [] {
   heddle_technique t = technique<Multiframe>(
       "antialiasing/multiframe", "A mean that grows from frame to frame",
-      "Limberger, Tausche, Linke and Doellner, 2016, Progressive Rendering Using Multi-frame Sampling");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  t.loop = &kLoop;
+      "Limberger, Tausche, Linke and Doellner, 2016, Progressive Rendering Using Multi-frame Sampling", kPorts,
+      kParameters, kStages, kShaders);
+  t.loop = &sampling::kCameraLoop;
   return t;
 }();
 

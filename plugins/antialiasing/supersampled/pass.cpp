@@ -3,7 +3,7 @@
 // and shows the mean. The reference of the role.
 #include <heddle/pass.hpp>
 
-#include "moved_view.hpp"
+#include "camera_loop.hpp"
 #include "sequence.hpp"
 
 namespace {
@@ -12,7 +12,7 @@ using namespace heddle::pass;
 constexpr heddle_port kPorts[] = {
     port("radiance", HEDDLE_PORT_IMAGE, HEDDLE_INOUT, "one sample in, the mean out [cd/m^2]"),
     value_in("camera", "the view through the centres of the pixels"),
-    value_out("sample_camera", sizeof(HeddleView), "the view of one sample", "HeddleView sample_camera;"),
+    sampling::kSampleCameraPort,
     image_out("mean", VK_FORMAT_R32G32B32A32_SFLOAT, "of the samples so far [cd/m^2]", HEDDLE_PORT_KEPT),
     image_out("residual", VK_FORMAT_R32G32B32A32_SFLOAT, "what the mean lacks [cd/m^2]", HEDDLE_PORT_KEPT),
     image_out("count", VK_FORMAT_R32_SFLOAT, "samples in the mean", HEDDLE_PORT_KEPT),
@@ -28,12 +28,11 @@ constexpr heddle_parameter kParameters[] = {
     choice("filter", kFilters, 0, "what a pixel weighs its surroundings with"),
 };
 enum StageIndex : std::uint32_t { kMove, kAccumulate, kResolve };
-constexpr heddle_access kMoveAccesses[] = {value("camera"), value("sample_camera")};
 constexpr heddle_access kAccumulateAccesses[] = {sampled("radiance"), storage_read_write("mean"),
                                                  storage_read_write("residual"), storage_read_write("count")};
 constexpr heddle_access kResolveAccesses[] = {sampled("mean"), color_target("radiance")};
 constexpr heddle_stage kStages[] = {
-    in_loop(HEDDLE_LOOP_BEFORE, cpu_stage("move", kMoveAccesses)),
+    sampling::kMoveStage,
     in_loop(HEDDLE_LOOP_AFTER, gpu_stage("accumulate", kAccumulateAccesses)),
     gpu_stage("resolve", kResolveAccesses),
 };
@@ -41,8 +40,6 @@ constexpr heddle_shader kShaders[] = {
     compute_shader("accumulate", "accumulate", "accumulate.comp.glsl"),
     fullscreen_shader("resolve", "resolve", "resolve.frag.glsl"),
 };
-constexpr heddle_override kOverrides[] = {override_of("camera", "sample_camera")};
-constexpr heddle_loop kLoop = loop(kOverrides, "radiance");
 
 class Supersampled {
  public:
@@ -60,23 +57,15 @@ class Supersampled {
   }
 
   heddle_status iterations(const heddle_frame_info& info, heddle_iterations& out) {
-    if (info.is_still == 0) done_ = 0;
-    out.total = static_cast<std::uint32_t>(host_.integer("samples"));
-    out.first = done_;
-    out.count = out.total - done_;
-    if (host_.choice("mode") == 1) out.count = std::min(out.count, 1U);
-    done_ += out.count;
+    const bool is_progressive = host_.choice("mode") == 1;
+    count_.next(info, static_cast<std::uint32_t>(host_.integer("samples")), is_progressive ? 1 : UINT32_MAX, out);
     return HEDDLE_OK;
   }
 
   heddle_status execute(const Frame& frame) const {
-    const auto camera = frame.value<HeddleView>("camera");
-    if (camera.empty()) return host_.fail(HEDDLE_BUG, "there is no camera");
     const auto sequence = static_cast<supersampled::Sequence>(host_.choice("sequence"));
     const auto filter = static_cast<supersampled::Filter>(host_.choice("filter"));
-    const supersampled::Point offset = supersampled::sample_offset(sequence, filter, frame.info().iteration);
-    const HeddleView view = sampling::moved(camera[0], -offset[0], -offset[1]);
-    return frame.set_value("sample_camera", std::span(&view, 1));
+    return sampling::set_sample_camera(frame, supersampled::sample_offset(sequence, filter, frame.info().iteration));
   }
 
   heddle_status record(const Frame& frame) const {
@@ -86,7 +75,7 @@ class Supersampled {
 
  private:
   PassHost host_;
-  std::uint32_t done_ = 0;  // samples in the mean when the next frame begins, if nothing changes
+  sampling::SampleCount count_;
 };
 
 constexpr heddle_technique kSupersampled = [] {
@@ -94,7 +83,7 @@ constexpr heddle_technique kSupersampled = [] {
                                                "Roberts, 2018, The Unreasonable Effectiveness of Quasirandom Sequences",
                                                kPorts, kParameters, kStages, kShaders);
   t.flags = HEDDLE_TECHNIQUE_REFERENCE;
-  t.loop = &kLoop;
+  t.loop = &sampling::kCameraLoop;
   return t;
 }();
 

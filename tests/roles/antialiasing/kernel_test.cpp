@@ -253,7 +253,8 @@ std::vector<double> row_of(const std::string& readme, const std::string& label) 
   std::vector<double> numbers;
   const std::size_t start = readme.find("\n| " + label + " |");
   if (start == std::string::npos) return numbers;
-  std::istringstream cells(readme.substr(start + label.size() + 5, readme.find('\n', start + 1) - start));
+  const std::size_t first = start + label.size() + 5;
+  std::istringstream cells(readme.substr(first, readme.find('\n', first) - first));
   for (std::string cell; std::getline(cells, cell, '|') && cell.find_first_of("0123456789") != std::string::npos;)
     numbers.push_back(std::stod(cell));
   return numbers;
