@@ -31,7 +31,7 @@ def commands_of(file):
     for line in lines:
         words = line.split("#")[0].strip()
         # Forms with a word in capitals or dots for what the reader chooses are no commands.
-        if words and not words.startswith(OTHERS) and not re.search(r"\.\.\.|\b[A-Z]{2,}\b|\| source", words):
+        if words and not words.startswith(OTHERS) and not re.search(r"\.\.\.|\b[A-Z]{2,}\b| A B$|\| source", words):
             found.append(words)
     return found
 
@@ -87,6 +87,11 @@ def folder(tmp_path_factory, command):
         sky = np.full((8, 16, 3), 0.4, np.float32)
         sky[1, 3] = 60
         host.write_image(made / "sky.hdr", sky)
+        for name, scale in (("a.exr", 1.0), ("b.exr", 1.1)):
+            host.write_image(made / name, sky * np.float32(scale))
+    study = (ROOT / "README.md").read_text().split("```toml\n")
+    text = next(text for text in study if "[[variant]]" in text).split("```")[0]
+    (made / "mine.toml").write_text(text.replace('technique = "mine"', 'technique = "ssao"'))
     return made
 
 
@@ -112,8 +117,10 @@ def test_the_command_runs(words, folder, command):
     environment.pop("PYTHONPATH", None)
     subcommand = re.search(r"heddle (\S+)", words)[1]
     words = words.replace("320,180", "16,9")
-    if subcommand in TAKES_A_SIZE:
+    if subcommand in TAKES_A_SIZE and not re.search(r"\.exr \S+\.exr", words):
         words += " --set 'extent=[32,18]'"
+    if subcommand == "study":
+        words += " --dry-run"  # minutes; test_study measures small ones
     if "--output" in words:
         named = [word.split("=")[-1] for word in shlex.split(words)[shlex.split(words).index("--output") + 1:][:1]]
         for name in named:
