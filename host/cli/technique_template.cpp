@@ -112,6 +112,12 @@ class Template {
                                 role_name_, used.name, type)};
     }
     if (used.is_output && used.is_optional) return;
+    if (type == "surfaces" && direction != "in") {
+      throw Failure{HEDDLE_UNSUPPORTED,
+                    fmt::format("error: no template for role '{}': its '{}' are surfaces that techniques make\n"
+                                "  help:     begin with a copy of another technique's folder",
+                                role_name_, used.name)};
+    }
     // Surfaces are drawn, not computed with; what a technique may change in place, it may leave alone.
     if (type == "surfaces" || direction == "inout") return;
     if (used.is_output) {

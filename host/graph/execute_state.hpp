@@ -397,7 +397,7 @@ struct Executor::State : FrameMemory {
   void draw_surfaces(const PassState& pass, const ShaderState& shader, const Drawing& drawing);
   [[nodiscard]] scene::Look look_of(const PassState& pass, const Drawing& drawing);
 
-  // SurfacesState surfaces (execute_surfaces.cpp).
+  // Made surfaces (execute_surfaces.cpp).
   void set_batches(ResourceIndex surfaces, std::vector<scene::MadeBatch> batches, std::uint64_t revision);
   const scene::PlacedBatches& place(SurfacesState& made);
   /// The versions that passes made and that hold something, the newest first.

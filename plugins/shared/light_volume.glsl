@@ -15,7 +15,7 @@ const uint kLightReachesBox = 3u;
 
 // In place of no range, metres: its square is finite, and a float32 position so far away has steps of 64,000 km.
 const float kLightUnlimited = 1e15;
-// Rounding of some ten float32 operations on each side, relative to the lengths that went in: 6 times 10 steps of 2^-24.
+// Rounding of some ten float32 operations on each side, relative to the lengths that went in: 60 steps of 2^-24.
 const float kLightVolumeSlack = 4e-6;
 // The same of cosines: light.glsl rounds one by less than 5 steps of 2^-24.
 const float kLightCosineSlack = 1e-6;
@@ -140,8 +140,8 @@ vec4 light_support(LightVolume volume, vec3 n) {
   return support + vec4(rim, extent) * volume.range;
 }
 
-// True if the body lies wholly on one side of the plane through the eye (orthographic: along the axis) at `bound` of x or
-// y, `side` 1: below it, -1: above it.
+// True if the body lies wholly on one side of the plane through the eye (orthographic: along the axis) at `bound` of x
+// or y, `side` 1: below it, -1: above it.
 bool light_is_beyond(LightVolume volume, bool is_orthographic, bool is_y, float bound, float side) {
   float tilt = is_orthographic ? 0.0 : bound;
   vec3 n = (is_y ? vec3(0.0, 1.0, -tilt) : vec3(1.0, 0.0, -tilt)) * (side * inversesqrt(1.0 + tilt * tilt));
@@ -188,8 +188,8 @@ vec3 light_first_axis(LightVolume volume, vec3 point) {
   return size > 0.0 ? n / size : vec3(0.0, 0.0, 1.0);
 }
 
-// True if a plane between body and cell is found in `steps` steps. More steps find more of them; what none of them finds
-// counts as touched.
+// True if a plane between body and cell is found in `steps` steps. More steps find more of them; what none of them
+// finds counts as touched.
 bool light_misses_cell(LightVolume volume, FrustumCell cell, uint steps) {
   vec4 bounds = cell.bounds;
   float slack = volume.slack * (1.0 + length(max(abs(vec2(bounds.x, bounds.z)), abs(vec2(bounds.y, bounds.w)))));

@@ -124,15 +124,17 @@ inline double poisson_distance(std::size_t count) {
 /// Exactly `count` points, the first in the centre, the others in a random order. Where darts find less, all are thrown
 /// again, for a smaller distance.
 inline std::vector<Point> poisson_disk(std::size_t count, std::uint32_t seed) {
-  // A board is full with more or less points than the one before. Small ones soon have just the number; of large ones
-  // the fullest that came nearest is thinned out, a few per mille of it.
-  const std::size_t tries = std::clamp<std::size_t>(32768 / count, 16, 64);
+  // A board is full with a few points more or less than the one before. Most numbers are met in time; else the fullest
+  // that came nearest is thinned out, by a few per mille.
+  const std::size_t tries = std::clamp<std::size_t>(65536 / count, 16, 64);
   double distance = poisson_distance(count);
   std::vector<Point> best;
   for (std::uint32_t i = 0; best.size() != count && (i < tries || best.empty()); ++i) {
     Random random(seed, 2 * i);
     std::vector<Point> points = DartBoard(distance, random).points();
-    distance *= points.size() < count ? 0.99 : 1.003;
+    // As many as find room are inversely as the square.
+    const double share = static_cast<double>(points.size()) / static_cast<double>(count);
+    distance *= std::clamp(std::sqrt(share), 0.98, 1.02);
     if (points.size() >= count && (best.empty() || points.size() < best.size())) best = std::move(points);
   }
   Random random(seed, 1);

@@ -3,8 +3,8 @@
 // surfaces, so that they agree. After pass.glsl of a shader that has the ports `lights` and `light_textures` and calls
 // light_assignment, surface_material, shadow and sky. Equations (1) to (9) of lighting/deferred's README.
 // One iteration a light that light_assignment lets it meet (without a technique of that role every light), and for one
-// with a texture up to 450 more: 32 taps, each past up to 11 levels. A driver that
-// ends loops after 65,535 iterations (lavapipe) allows 65,535 lights less what the shadow techniques loop: with 32 taps a
+// with a texture up to 450 more: 32 taps, each past up to 11 levels. A driver that ends loops after 65,535 iterations
+// (lavapipe) allows 65,535 of them less what the shadow techniques loop: with 32 taps a
 // light, 1985 lights.
 #ifndef HEDDLE_SHARED_SHADE_SURFACE_GLSL
 #define HEDDLE_SHARED_SHADE_SURFACE_GLSL

@@ -217,6 +217,8 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
     port, measure_metric = choose_port(reader, table, role, pass_name, described)
     known = [each["name"] for each in metrics()]
     wanted = tuple(table.get("metrics", [measure_metric or "rmse"]))
+    if not wanted:
+        reader.fail(("metrics",), "'metrics' is empty", expected="at least one, the first for the chart")
     for i, metric in enumerate(wanted):
         if metric not in known and not re.fullmatch(r"percentile_\d+(\.\d+)?", metric):
             reader.unknown(("metrics",), "metric", metric, known)
@@ -233,7 +235,7 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
     if tone_mapper not in ("aces", "hable", "reinhard"):
         reader.unknown(("tone_mapper",), "tone mapper", tone_mapper, ("aces", "hable", "reinhard"))
     scenes = read_scenes(reader, table.get("scene", []))
-    points = read_variants(reader, table.get("variant", []), graph, settings, role, pass_name)
+    points = read_variants(reader, table.get("variant", []), graph, settings, role, pass_name, port)
     reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name)
     study = Study(
         name, table.get("title", name), port or "", pass_name, scenes, points, reference, wanted,
@@ -314,6 +316,8 @@ def read_scenes(reader: Reader, tables: list[dict]) -> tuple[SceneChoice, ...]:
         for plural, single in (("cameras", "camera"), ("times", "time")):
             if plural in table and single in table:
                 reader.fail(("scene", i, plural), f"'{single}' and '{plural}' are both there", expected="one of them")
+            if table.get(plural) == []:
+                reader.fail(("scene", i, plural), f"'{plural}' is empty")
         overlays = tuple(reader.file(each) for each in table.get("overlays", []))
         for overlay in overlays:
             if not pathlib.Path(overlay).exists():
@@ -327,7 +331,7 @@ def read_scenes(reader: Reader, tables: list[dict]) -> tuple[SceneChoice, ...]:
 
 
 def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tuple[str, ...], role: str | None,
-                  pass_name: str | None) -> tuple[Point, ...]:
+                  pass_name: str | None, port: str | None) -> tuple[Point, ...]:
     points: list[Point] = []
     if not tables:
         reader.fail(("variant",), "a study needs a variant", expected="[[variant]] with name = \"...\"")
@@ -347,10 +351,19 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
         own_graph = reader.file(table["graph"]) if "graph" in table else graph
         place = next(((*path, key) for key in ("set", "graph", "technique") if key in table), path)
         described = load(reader, place, own_graph, own)
+        if described and port is not None and port not in [each["name"] for each in described["ports"]]:
+            reader.fail(place, f"the variant's graph has no port '{port}', which is compared")
         present = next((each for each in described.get("passes", []) if each["name"] == pass_name), None)
-        ladders = read_knobs(reader, path, table.get("knobs"), role, pass_name, present)
-        points += [Point(name, own_graph, (*own, *[f"{pass_name}.params.{knob}={value}" for knob, value in rung]), rung)
-                   for rung in rungs(ladders)]
+        if described and present is None and "knobs" in table:
+            reader.fail((*path, "knobs"), "of which pass are these the knobs?",
+                        expected="'role' or 'pass' at the top, and the pass in the variant's graph")
+        ladders = read_knobs(reader, path, table.get("knobs"), role, present)
+        for rung in rungs(ladders):
+            everything = (*own, *[f"{pass_name}.params.{knob}={toml(value)}" for knob, value in rung])
+            # A value of a file's own ladder may be out of range; one such mistake is enough.
+            if rung and not reader.errors:
+                load(reader, (*path, "knobs"), own_graph, everything)
+            points.append(Point(name, own_graph, everything, rung))
     return tuple(points)
 
 
@@ -369,12 +382,14 @@ def swap(reader: Reader, path: tuple, table: Mapping[str, Any], role: str | None
     return (f"{pass_name}.technique={table['technique']}",)
 
 
-def read_knobs(reader: Reader, path: tuple, knobs: Any, role: str | None, pass_name: str | None,
-               present: Mapping[str, Any] | None) -> dict[str, list]:
+def toml(value: Any) -> str:
+    """A knob's value as settings have it: choices are words, and need no quotes."""
+    return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def read_knobs(reader: Reader, path: tuple, knobs: Any, role: str | None, present: Mapping[str, Any] | None) -> dict[str, list]:
     """{knob: values from cheap to accurate}; empty: one point."""
     if knobs is None or present is None or role is None:
-        if knobs is not None and pass_name is None and role is None:
-            reader.fail((*path, "knobs"), "of which pass are these the knobs?", expected="'role' or 'pass' at the top")
         return {}
     technique = reader.techniques.get((role, present["technique"]))
     parameters = {each["name"]: each for each in technique["parameters"]} if technique else {}

@@ -38,6 +38,8 @@ from .study import Point, SceneChoice, Study
 WARM_FRAMES = 10  # the fewest that tell whether frames are still changing
 PROFILED_FRAMES = 7
 SEEDS = 8  # images of a technique that is random
+# One for the machine.
+LOCK = pathlib.Path(tempfile.gettempdir()) / "heddle-study.lock"
 # Workers that are no variant's.
 AGAIN, REFERENCE = "(the first again)", "(reference)"
 
@@ -214,10 +216,9 @@ def used_seconds(process: int) -> float:
 @contextlib.contextmanager
 def timing_alone(say: Callable[[str], None], stop: Callable[[], None]) -> Iterator[None]:
     """One study times on a machine at once."""
-    path = pathlib.Path(tempfile.gettempdir()) / "heddle-study.lock"
-    descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+    descriptor = os.open(LOCK, os.O_RDWR | os.O_CREAT, 0o666)
     with contextlib.suppress(OSError):
-        os.chmod(path, 0o666)  # other users' studies wait too
+        os.chmod(LOCK, 0o666)  # other users' studies wait too
     try:
         is_said = False
         while True:
@@ -226,7 +227,7 @@ def timing_alone(say: Callable[[str], None], stop: Callable[[], None]) -> Iterat
                 break
             except BlockingIOError:
                 if not is_said:
-                    say(f"another study is timing on this machine ({path}); waiting for it")
+                    say(f"another study is timing on this machine ({LOCK}); waiting for it")
                     is_said = True
                 stop()
                 time.sleep(0.2)
@@ -241,13 +242,15 @@ class SceneRun:
     """All that is measured on one scene. Points that are lost have a state other than "ok", and the others go on."""
 
     def __init__(self, study: Study, scene: SceneChoice, store: Store, options: argparse.Namespace, folder: pathlib.Path,
-                 contents: Contents, say: Callable[[str], None], stop: Callable[[], None]):
+                 contents: Contents, say: Callable[[str], None], stop: Callable[[], None], deadline: float):
         self.study, self.scene, self.store, self.options, self.folder = study, scene, store, options, folder
         self.contents, self.say, self.stop = contents, say, stop
+        self.deadline = deadline  # of time.monotonic(): the study's budget ends
         self.workers: dict[str, Worker] = {}  # by variant, AGAIN for the first variant's double
         self.state: dict[str, tuple[str, str]] = {point.name: ("ok", "") for point in study.points}
         self.keys: dict[str, str] = {}  # what a point's images depend on
         self.scene_files: list[str] = []
+        self.devices: list[dict] = []
         self.warm: dict[str, dict] = {}
         self.measured: dict[str, dict] = {}  # profile() of points
         self.errors: dict[str, dict[str, dict]] = {}
@@ -255,6 +258,8 @@ class SceneRun:
         self.foreign: float | None = None
 
     def close(self) -> None:
+        for worker in self.workers.values():
+            worker.process.kill()  # all of them, before any is waited for: they give back much memory
         for worker in self.workers.values():
             worker.close()
         self.workers.clear()
@@ -270,7 +275,8 @@ class SceneRun:
         scene = {"file": self.scene.file, "camera": self.scene.camera, "time": self.scene.time,
                  "overlays": list(self.scene.overlays)}
         try:
-            self.scene_files = worker.ask("open", scene=scene, device=self.options.device)["files"]
+            opened = worker.ask("open", scene=scene, device=self.options.device)
+            self.scene_files, self.devices = opened["files"], opened["devices"]
         except BaseException:
             worker.close()
             raise
@@ -295,7 +301,7 @@ class SceneRun:
     def key_of(self, graph: str, settings: Sequence[str], files: Sequence[str]) -> str:
         return digest("image", self.contents.of([str(find()), *files, *self.scene_files]), settings, self.scene.camera,
                       self.scene.time, self.study.port, self.study.settle, self.options.device,
-                      os.environ.get("HEDDLE_DEVICE"))
+                      os.environ.get("HEDDLE_DEVICE"), self.devices)
 
     def guard(self, point: Point, work: Callable[[], Any]) -> Any:
         """Runs work for a point. What a lost worker took with it is loaded again for the others; the point is not."""
@@ -359,6 +365,13 @@ class SceneRun:
                 seconds += SEEDS * self.study.settle * frame[point.name]
         return seconds
 
+    def check_budget(self, rest: float) -> None:
+        """Before anything is timed: a study that would take longer than it may says so now."""
+        if time.monotonic() + rest > self.deadline:
+            raise Error(2, f"error: this study would take about {duration(rest)} more; its budget is "
+                           f"{self.study.budget_minutes:g} min\n  help:     --budget MINUTES; or fewer rounds, frames, scenes or "
+                           "values of knobs, smaller images, a cheaper reference. What was measured is kept")
+
     # Errors
 
     def reference_images(self) -> list[np.ndarray]:
@@ -382,6 +395,7 @@ class SceneRun:
                 if part == 0 and reference.parts > 1:
                     rest = (time.monotonic() - begun) * (reference.parts - 1)
                     self.say(f"{self.scene.name}: the reference takes {duration(rest)} more at most")
+                    self.check_budget(rest + self.estimate_seconds())
             parts.append(np.load(file))
             if part == 1 and np.array_equal(parts[0], parts[1]):
                 return parts[:1]
@@ -616,7 +630,13 @@ def error_verdict(run: SceneRun, point: Point, baseline: Point, metric: str, dir
     differences = [sign * (b[i % len(b)] - a[i % len(a)]) for i in range(count)]
     parts_a, parts_b = (run.errors[each.name]["parts"][metric] for each in (baseline, point))
     floor = s.reference_floor([y - x for x, y in zip(parts_a, parts_b)]) if len(parts_a) > 1 else 0.0
-    return s.decide(differences, floor, run.study.error_resolution * abs(float(np.median(a))))
+    verdict = s.decide(differences, floor, run.study.error_resolution * abs(float(np.median(a))))
+    if sign > 0:
+        return verdict
+    # Told as it is: what is better has more of it.
+    found = verdict.difference
+    return definition.dataclasses.replace(
+        verdict, difference=s.Interval(-found.value, -found.high, -found.low, found.confidence))
 
 
 def mark_front(rows: list[dict], metric: str) -> None:
@@ -683,11 +703,13 @@ def run_study(options: argparse.Namespace, stop: Callable[[], None]) -> int:
     restless: dict[str, list[str]] = {}
     begun = time.monotonic()
     for number, scene in enumerate(study.scenes):
-        run = SceneRun(study, scene, store, options, folder, contents, say, stop)
+        run = SceneRun(study, scene, store, options, folder, contents, say, stop, begun + 60 * study.budget_minutes)
         try:
             run.load_points()
             run.warm_up()
-            check_budget(study, run, number, begun, say)
+            rest = run.estimate_seconds() * (len(study.scenes) - number)  # other scenes take as long, for all that is known
+            say(f"{scene.name}: about {duration(rest)} to go, and the reference; {study.budget_minutes:g} min at most")
+            run.check_budget(rest)
             run.measure_errors()
             with timing_alone(say, stop):
                 run.measure_times()
@@ -708,15 +730,6 @@ def run_study(options: argparse.Namespace, stop: Callable[[], None]) -> int:
         say(f"wrote {folder / name}")
     say(f"wrote {chart}" if chart else study_chart.WHY_NONE)
     return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
-
-
-def check_budget(study: Study, run: SceneRun, number: int, begun: float, say: Callable[[str], None]) -> None:
-    rest = run.estimate_seconds() * (len(study.scenes) - number)
-    say(f"{run.scene.name}: about {duration(rest)} to go, and the reference, {duration(60 * study.budget_minutes)} at most")
-    if time.monotonic() - begun + rest > 60 * study.budget_minutes:
-        raise Error(2, f"error: this study would take about {duration(rest)}; its budget is {study.budget_minutes:g} min\n"
-                       "  help:     --budget MINUTES; or fewer rounds, frames, scenes or values of knobs, or smaller images. "
-                       "What was measured is kept")
 
 
 def gate(rows: list[dict]) -> int:

@@ -29,7 +29,8 @@ class Worker:
         self.graphs: dict[str, Graph] = {}
 
     def open(self, scene: dict, device: str | None) -> dict:
-        """The host, and the scene with its overlays and camera. Answers with the files that it was made of."""
+        """The host, and the scene with its overlays and camera. Answers with the files that it was made of, and the devices
+        with their drivers that are there."""
         self.host = Host(device, log=lambda severity, text: print(text, file=sys.stderr) if severity < 2 else None)
         self.scene = self.host.scene()
         self.time = scene["time"]
@@ -42,8 +43,9 @@ class Worker:
                 raise Error(2, f"the scene has no camera '{scene['camera']}'\n  expected: one of {', '.join(cameras)}")
             self.scene.use_camera(cameras.index(scene["camera"]))
         self.update(self.scene, self.time)
-        path = scene_path(scene["file"])
-        return {"files": sorted({str(path), *scene["overlays"], *self.scene.files(), *imported_files(scene["file"])})}
+        own = {str(scene_path(scene["file"])), str(pathlib.Path(__file__).with_name("shapes.py"))}
+        files = own | {*scene["overlays"], *self.scene.files(), *imported_files(scene["file"])}
+        return {"files": sorted(files), "devices": self.host.devices()}
 
     def load(self, point: str, graph: str, settings: list[str], keep: str) -> dict:
         """A graph with its settings, under the name of a point. Plans nothing yet. Answers with its files."""

@@ -268,7 +268,10 @@ INSTANTIATE_TEST_SUITE_P(
                     Variant{"float32", "deferred.toml", {"gbuffer.params.precision=float32"}},
                     Variant{"tiled", "tiled.toml", {"light_assignment.params.fewest=0"}},
                     Variant{"supersampled", "supersampled.toml", {"aa.params.samples=2"}},
-                    Variant{"progressive", "supersampled.toml", {"aa.params.samples=3", "aa.params.mode=progressive"}}),
+                    Variant{"progressive", "supersampled.toml", {"aa.params.samples=3", "aa.params.mode=progressive"}},
+                    Variant{"multiframe",
+                            "supersampled.toml",
+                            {"aa.technique=multiframe", "aa.params.samples=3", "aa.params.accumulator=rgba16f"}}),
     [](const auto& tested) { return tested.param.name; });
 
 }  // namespace

@@ -568,7 +568,7 @@ TEST_F(Jobs, RefuseWhatTheyCannotHave) {
   EXPECT_EQ(error_of(job + "[[pass]]\nrole = \"job_probe\"\ntechnique = \"look\"\ninputs.camera = \"scene.camera\"\n"),
             "job.toml:5:17: error: pass 'job_probe': inputs.camera: a job has no camera\n"
             "  found:    \"scene.camera\"\n"
-            "  expected: one of environment, lights, surfaces");
+            "  expected: one of environment, light_textures, lights, surfaces");
   EXPECT_EQ(
       error_of("output = \"job_probe.table\"\n[[pass]]\nrole = \"job_probe\"\ntechnique = \"count\"\n").substr(0, 160),
       std::string(

@@ -138,6 +138,7 @@ Technique subdivision() {
   const auto buffer = [](std::string name, std::uint32_t flags) {
     Port p = port(std::move(name), PortType::kBuffer, Direction::kOut, flags);
     p.byte_size = 4096;
+    p.glsl = "uint " + p.name + "[];";
     return p;
   };
   t.ports = {surfaces, buffer("vertices", HEDDLE_PORT_KEPT), buffer("indices", HEDDLE_PORT_KEPT), buffer("points", 0)};

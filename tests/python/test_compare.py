@@ -51,6 +51,15 @@ def test_no_bit_depends_on_threads():
         assert heddle.compare(A, B, metric, threads=1) == heddle.compare(A, B, metric, threads=3)
 
 
+@pytest.mark.parametrize("pixels_per_degree", [1, 5, 300, 1000])
+def test_flip_has_numbers_under_any_viewing_conditions(pixels_per_degree):
+    # Filters narrower than a pixel, and wider than the image.
+    for metric in ("flip", "hdr_flip"):
+        found = heddle.error_image(A, B, metric, pixels_per_degree=pixels_per_degree)
+        assert np.isfinite(found).all() and 0 < found.max() <= 1
+        assert not heddle.error_image(A, A, metric, pixels_per_degree=pixels_per_degree).any()
+
+
 def test_what_cannot_be_compared_is_said():
     with pytest.raises(heddle.Error, match="image a is 31 x 20 x 3, image b 30 x 20 x 3"):
         heddle.compare(A, B[:, :30], "rmse")

@@ -74,6 +74,14 @@ def refusal(host, tmp_path, text):
     return str(raised.value).replace(str(tmp_path), "")
 
 
+@pytest.fixture(scope="module", autouse=True)
+def lock_of_our_own(tmp_path_factory):
+    # Tests measure nothing that another study on this machine could disturb, and must not wait for it.
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study_run, "LOCK", tmp_path_factory.mktemp("lock") / "lock")
+        yield
+
+
 # ---- Files ----
 
 @pytest.mark.parametrize(("before", "after", "place", "message"), [
@@ -91,6 +99,10 @@ def refusal(host, tmp_path, text):
     ('"ao.params.steps=2"', '"ao.params.stpes=2"', "14:1", "the graph does not take these settings"),
     ('role = "ambient_occlusion"', 'role = "ambient"', "2:1", "there is no role 'ambient'"),
     ('graph = "studio"', 'graph = "stduio"', "3:1", "the graph does not take these settings"),
+    ("{ samples = [1, 4] }", "{ samples = [1, 0] }", "18:1", "the graph does not take these settings"),
+    ('metrics = ["rmse", "ssim"]', "metrics = []", "5:1", "'metrics' is empty"),
+    ('camera = "front"', "cameras = []", "10:1", "'cameras' is empty"),
+    ('technique = "gtao"\nset = ["ao.params.steps=2"]', 'graph = "furnace"', "13:1", "the variant's graph has no port 'ao.visibility'"),
     ("parts = 4", "parts = 0", "22:1", "'parts' is out of range"),
     ("parts = 4", "parts = ", "22:9", "this is no TOML"),
 ])
@@ -194,6 +206,7 @@ def test_more_rays_err_less_and_that_is_seen(finished):
 def test_ssim_is_better_where_it_is_higher(finished):
     rows = {row["variant"] + row["knobs"]: row for row in table(finished) if row["quantity"] == "ssim"}
     gap = float(rows["rayssamples=4"]["value"]) - float(rows["few"]["value"])
+    assert float(rows["rayssamples=4"]["difference"]) == pytest.approx(gap, abs=0.02)
     expected = s.BETTER if gap > 0 else s.WORSE
     assert rows["rayssamples=4"]["verdict"] == expected or abs(gap) < float(rows["rayssamples=4"]["smallest_seen"])
 
@@ -283,7 +296,7 @@ def test_a_camera_that_is_not_there_is_said_at_its_line(tmp_path):
 
 
 def test_a_study_beyond_its_budget_says_so_before_it_times_anything(tmp_path):
-    with pytest.raises(heddle.Error, match="this study would take about .*; its budget is 0.001 min"):
+    with pytest.raises(heddle.Error, match="this study would take about .* more; its budget is 0.001 min"):
         run(tmp_path, budget=0.001)
     assert not list((tmp_path / "out" / "measured").glob("*.jsonl"))
 

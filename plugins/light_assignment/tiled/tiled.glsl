@@ -7,7 +7,7 @@
 //               .y  summary words that were read
 //               .z  first word that the summary in pending.z means
 //               .w  next light to try of those in no list
-//         pending   x bits of lights that are to be met, y the light of bit 0, z bits of words, w 0 column, 1 shown part
+//         pending   x bits of lights that are to be met, y the light of bit 0, z bits of words, w 0 column, 1 what shows
 #include "light_volume.glsl"
 #include "tiles.glsl"
 #include "view.glsl"

@@ -155,6 +155,7 @@ class CatmullClark {
     const bool are_all_due =
         std::none_of(places_.begin(), places_.end(), [](const Place& place) { return place.is_due; });
     std::vector<heddle_batch> all;
+    bool is_first = true;
     for (Place& place : places_) {
       const std::uint32_t steps = place.has_bent ? place.corner_count() : 0;
       if (place.is_due || are_all_due) {
@@ -165,6 +166,8 @@ class CatmullClark {
                         place.first_vertex,
                         place.has_bent ? place.point_count() : 0,
                         steps};
+        if (!is_first) frame.barrier();  // the same buffer, if at other places: nobody has to know that
+        is_first = false;
         const heddle_status status = frame.dispatch("refine", (push.count + 63) / 64, 1, 1, push);
         if (status != HEDDLE_OK) return status;
       }

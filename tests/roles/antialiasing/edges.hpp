@@ -174,8 +174,11 @@ inline double edge_error_squared(const std::vector<std::array<double, 2>>& offse
   double between = 0;
   for (std::size_t i = 0; i < count; ++i) {
     to_pixel += mean_distance(offsets[i]);
-    for (std::size_t j = 0; j < i; ++j)
-      between += std::hypot(offsets[i][0] - offsets[j][0], offsets[i][1] - offsets[j][1]);
+    for (std::size_t j = 0; j < i; ++j) {
+      const double x = offsets[i][0] - offsets[j][0];
+      const double y = offsets[i][1] - offsets[j][1];
+      between += std::sqrt(x * x + y * y);
+    }
   }
   return 0.5 * (to_pixel / n - between / (n * n) - 0.5 * kMeanDistance);
 }

@@ -10,6 +10,7 @@
 #include <iostream>
 #include <map>
 #include <set>
+#include <tuple>
 
 namespace {
 
@@ -48,6 +49,17 @@ Estimate estimate(const std::vector<double>& drawn) {
   return found;
 }
 
+/// Where the samples are before they are centred. Each kernel is drawn once: that is what takes time here.
+const std::vector<Point>& drawn(Design design) {
+  using Key = std::tuple<Kernel, Order, std::uint32_t, std::uint32_t>;
+  static std::map<Key, std::vector<Point>> all;
+  design.is_centred = false;
+  const auto [found, is_new] =
+      all.try_emplace(Key{design.kernel, design.order, design.count, design.seed}, std::vector<Point>());
+  if (is_new) found->second = sample_offsets(design);
+  return found->second;
+}
+
 /// Squared errors of edges after the first `prefix` samples of 16 kernels of different seeds; of one where none is
 /// drawn.
 std::vector<double> edge_errors(Design design, std::size_t prefix, double scale = 1.0) {
@@ -55,7 +67,8 @@ std::vector<double> edge_errors(Design design, std::size_t prefix, double scale 
   const bool is_drawn = design.kernel == Kernel::kPoisson || design.kernel == Kernel::kRandom;
   for (std::uint32_t seed = 0; seed < (is_drawn ? 16U : 1U); ++seed) {
     design.seed = seed;
-    std::vector<Point> offsets = sample_offsets(design);
+    std::vector<Point> offsets = drawn(design);
+    if (design.is_centred && design.kernel != Kernel::kGrid && design.count > 1) multiframe::centre_from(1, offsets);
     for (Point& p : offsets) p = {scale * p[0], scale * p[1]};
     errors.push_back(edge_error_squared(offsets, prefix));
   }
@@ -299,17 +312,22 @@ TEST(Kernel, ErrorsOfEdgesAreTheReadmes) {
   // No samples do better than -3/4 for long (Alexander 1990); a grid does that well, for all directions together.
   EXPECT_NEAR(grid.back().mean, -0.75, 0.02);
   EXPECT_LT(poisson.back().mean, -0.6);
-  EXPECT_GT(poisson.back().mean, -0.78);
+  EXPECT_GT(poisson.back().mean, -0.75);
   // 64 frames of a Poisson disk, and of chance.
   EXPECT_LT(poisson[3].mean, 0.025);
   EXPECT_GT(random[3].mean, 0.035);
   EXPECT_LT(random[3].mean, 0.05);
   // As many independent samples as give what 16 of the Poisson disk do: at least 1.3 times as many.
   EXPECT_GT(kMeanDistance / 4 / std::pow(poisson[2].mean, 2), 1.3 * 16);
-  // What centring is worth: a quarter of the error at least, from 4 frames on.
+  // Random packings have a little of chance in them that no number of points removes: they bend towards -1/2.
+  const double early = std::log(poisson_centred[3].mean / poisson_centred[1].mean) / std::log(16.0);
+  const double late = std::log(poisson_centred[5].mean / poisson_centred[3].mean) / std::log(16.0);
+  std::cout << "poisson, centred: slope from 4 to 64 " << early << ", from 64 to 1024 " << late << '\n';
+  EXPECT_GT(late, early + 0.06);
+  // What centring is worth: 0.69 to 0.79 of the error is left, from 4 frames on.
   for (const std::size_t i : {1U, 2U, 3U, 4U, 5U}) {
-    EXPECT_LT(poisson_centred[i].mean, 0.78 * poisson[i].mean);
-    EXPECT_LT(random_centred[i].mean, 0.88 * random[i].mean);
+    EXPECT_LT(poisson_centred[i].mean, 0.84 * poisson[i].mean);
+    EXPECT_LT(random_centred[i].mean, 0.86 * random[i].mean);
   }
 }
 

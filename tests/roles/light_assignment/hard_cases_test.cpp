@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The hard cases of role light_assignment, by pictures: every technique gives the bits of the reference in
 // lighting/deferred, lighting/forward and transparency/sorted, and loses no light that reaches a pixel.
+#include "roles/light_assignment/random.hpp"
 #include "roles/readme.hpp"
 #include "roles/rendering.hpp"
 
@@ -8,7 +9,6 @@
 #include <bit>
 #include <functional>
 #include <map>
-#include <random>
 
 namespace {
 
@@ -122,23 +122,6 @@ Work expect_the_reference(Scene& scene, const Settings& s, const std::string& wh
   }
   return work;
 }
-
-class Random {
- public:
-  explicit Random(std::uint32_t seed) : engine_(seed) {}
-  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(engine_); }
-  double log_uniform(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
-  std::uint32_t below(std::uint32_t count) {
-    return std::uniform_int_distribution<std::uint32_t>(0, count - 1)(engine_);
-  }
-  dvec3 direction() {
-    const double z = uniform(-1, 1), phi = uniform(0, 2 * kPi), r = std::sqrt(1 - z * z);
-    return {r * std::cos(phi), r * std::sin(phi), z};
-  }
-
- private:
-  std::mt19937 engine_;
-};
 
 /// A floor, pillars near and far, a ball, and sky above; lengths times `unit`.
 void add_surfaces(Scene& scene, double unit = 1.0) {

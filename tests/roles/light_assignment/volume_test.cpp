@@ -2,6 +2,8 @@
 // plugins/shared/light_volume.glsl, compiled here as C++ (glm; literals are float by a compiler option, as in GLSL),
 // against the definition of each shape in float64: no light is missed that reaches a point of a cell, and how many are
 // listed for nothing. Needs no device.
+#include "random.hpp"
+
 #include <glm/glm.hpp>
 
 #include <gtest/gtest.h>
@@ -9,7 +11,6 @@
 #include <cstdint>
 #include <cstdio>
 #include <numbers>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -39,23 +40,6 @@ constexpr double operator""_d(unsigned long long value) {
   return static_cast<double>(value);
 }
 constexpr double kPi = std::numbers::pi_v<double>;
-
-class Random {
- public:
-  explicit Random(std::uint32_t seed) : engine_(seed) {}
-  double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(engine_); }
-  double log_uniform(double low, double high) { return std::exp(uniform(std::log(low), std::log(high))); }
-  std::uint32_t below(std::uint32_t count) {
-    return std::uniform_int_distribution<std::uint32_t>(0, count - 1)(engine_);
-  }
-  dvec3 direction() {
-    const double z = uniform(-1_d, 1_d), phi = uniform(0_d, 2_d * kPi), r = std::sqrt(1_d - z * z);
-    return {r * std::cos(phi), r * std::sin(phi), z};
-  }
-
- private:
-  std::mt19937 engine_;
-};
 
 /// A camera at the origin that looks along -Z: a cell's axes are the world's with z turned.
 HeddleView plain_view() {

@@ -21,6 +21,12 @@ using cages::Point;
 using heddle::subdivision::Object;
 using testing::HasSubstr;
 
+// Every frame below is proven: barriers, and numbers that passes make.
+const bool kIsChecked = [] {
+  Host::flags = HEDDLE_HOST_CHECK;
+  return true;
+}();
+
 /// The cage as an application gives it: faces of any number of corners.
 struct Given {
   std::vector<float> positions, uvs;
@@ -250,6 +256,19 @@ TEST(Subdivision, HasNoHoles) {  // H2
       }
     }
   }
+}
+
+TEST(Subdivision, RefinesEveryObject) {
+  Scene scene;
+  const Given cube(cages::cube()), torus(cages::torus(6, 5));
+  add(scene, cube, "{\"levels\": 1}");
+  add(scene, torus, "{\"levels\": 2}", glm::translate(dmat4(1.0), dvec3(8, 0, 0)));
+  add(scene, cube, "{\"levels\": 2}", glm::translate(dmat4(1.0), dvec3(0, 8, 0)));
+  add(scene, cube, "{\"levels\": 2}", glm::scale(glm::translate(dmat4(1.0), dvec3(0, 0, 8)), dvec3(-1, 1, 1)));
+  add(scene, cube, {}, glm::translate(dmat4(1.0), dvec3(0, 0, -8)));
+  const Triangles seen = look(scene, "catmull_clark");
+  EXPECT_EQ(seen.corners.size(), 48U + 30 * 16 * 2 + 2 * 6 * 16 * 2 + 12);
+  EXPECT_EQ(count_holes(seen), 0U);
 }
 
 TEST(Subdivision, LeavesWhatIsNoManifoldAsItIs) {  // H3

@@ -46,7 +46,9 @@ Ran new_technique(const std::string& arguments) {
 std::vector<std::string> role_names() {
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(fs::path(HEDDLE_SOURCE_DIR) / "plugins")) {
-    if (fs::exists(entry.path() / "role.toml")) names.push_back(entry.path().filename());
+    // Roles that make surfaces have no template, which a test below shows.
+    const bool has_template = entry.path().filename() != "subdivision";
+    if (has_template && fs::exists(entry.path() / "role.toml")) names.push_back(entry.path().filename());
   }
   return names;
 }
@@ -307,12 +309,19 @@ TEST_F(Generated, FoldersHoldWhatTheStyleAsksFor) {
 TEST(NewTechnique, RefusesAnUnknownRole) {
   const Ran ran = new_technique("shadwo soft --folder /nowhere");
   EXPECT_EQ(ran.status, HEDDLE_BAD_INPUT);
-  EXPECT_EQ(
-      ran.output,
-      "error: there is no role 'shadwo'\n"
-      "  expected: one of ambient_occlusion, antialiasing, display, gbuffer, lighting, shadow, sky, surface_material, "
-      "transparency\n"
-      "  help:     a new role begins with a role.toml in a folder of its own\n");
+  EXPECT_EQ(ran.output,
+            "error: there is no role 'shadwo'\n"
+            "  expected: one of ambient_occlusion, antialiasing, display, gbuffer, lighting, shadow, sky, subdivision, "
+            "surface_material, transparency\n"
+            "  help:     a new role begins with a role.toml in a folder of its own\n");
+}
+
+TEST(NewTechnique, HasNoTemplateForRolesThatMakeSurfaces) {
+  const Ran ran = new_technique("subdivision mine --folder /nowhere");
+  EXPECT_EQ(ran.status, HEDDLE_UNSUPPORTED);
+  EXPECT_EQ(ran.output,
+            "error: no template for role 'subdivision': its 'surfaces' are surfaces that techniques make\n"
+            "  help:     begin with a copy of another technique's folder\n");
 }
 
 TEST(NewTechnique, RefusesABadName) {

@@ -217,7 +217,7 @@ TEST(Descriptor, WithAStructureThatIsTooSmallIsRefused) {
   EXPECT_EQ(message([](Example& e) { e.ports[0].struct_size = 4; }),
             told("ports[0]: struct_size is too small\n  found:    4\n  expected: 24 bytes or more"));
   EXPECT_EQ(message([](Example& e) { e.ports[1].struct_size = 0; }),
-            told("ports[1]: struct_size differs from the first's\n  found:    0\n  expected: 96"));
+            told("ports[1]: struct_size differs from the first's\n  found:    0\n  expected: 128"));
 }
 
 TEST(Descriptor, WithNullPointersIsRefused) {
@@ -262,10 +262,10 @@ TEST(Descriptor, WithUnknownEnumerationsIsRefused) {
             told("port 'visibility': unknown extent_rule\n  found:    2\n  expected: 0 to 1"));
   EXPECT_EQ(message([](Example& e) { e.parameters[0].type = 8; }),
             told("parameter 'radius': unknown type\n  found:    8\n  expected: 0 to 7"));
-  EXPECT_EQ(message([](Example& e) { e.accesses[0].access = 16; }),
-            told("stage 'draw': access to 'depth': unknown access\n  found:    16\n  expected: 0 to 15\n") +
-                told("function 'sky': access to 'depth': unknown access\n  found:    16\n  expected: 0 to 15\n") +
-                told("function 'sky': access to 'depth' is not for functions\n  found:    HEDDLE_ACCESS 16\n"
+  EXPECT_EQ(message([](Example& e) { e.accesses[0].access = 17; }),
+            told("stage 'draw': access to 'depth': unknown access\n  found:    17\n  expected: 0 to 16\n") +
+                told("function 'sky': access to 'depth': unknown access\n  found:    17\n  expected: 0 to 16\n") +
+                told("function 'sky': access to 'depth' is not for functions\n  found:    HEDDLE_ACCESS 17\n"
                      "  expected: SAMPLED*, STORAGE_*, VALUE or APPEND"));
   EXPECT_EQ(message([](Example& e) { e.accesses[1].load = HEDDLE_LOAD_CLEAR_NEW + 1; }),
             told("stage 'draw': access to 'visibility': unknown load\n  found:    4\n  expected: 0 to 3\n") +
@@ -315,6 +315,37 @@ TEST(Descriptor, WithAPortThatContradictsItselfIsRefused) {
                  "  expected: width and height above 0"));
   EXPECT_EQ(message([](Example& e) { e.ports[0].glsl = "float x;"; }),
             told("port 'depth': glsl belongs to buffers and values"));
+}
+
+TEST(Descriptor, WithSurfacesThatHaveNoPlaceIsRefused) {
+  // Port 'visibility' becomes surfaces, whose batches would lie in 'table'.
+  const auto made = [](const auto& change) {
+    return message([&](Example& e) {
+      e.ports[1].type = HEDDLE_PORT_SURFACES;
+      e.ports[1].flags = 0;
+      e.ports[1].vertices = "table";
+      e.ports[1].indices = "table";
+      for (heddle_access& access : e.accesses)
+        if (std::string_view(access.port) == "visibility") {
+          access.access = HEDDLE_ACCESS_BATCHES;
+          access.load = HEDDLE_LOAD_KEEP;
+        }
+      change(e);
+    });
+  };
+  EXPECT_EQ(made([](Example&) {}), "no error");
+  EXPECT_EQ(made([](Example& e) { e.ports[1].vertices = "depth"; }),
+            told("port 'visibility': vertices names nothing that batches could lie in\n  found:    \"depth\"\n"
+                 "  expected: an out buffer of the technique, a list for commands alone"));
+  EXPECT_EQ(made([](Example& e) { e.ports[1].indices = nullptr; }),
+            told("port 'visibility': its batches have no place\n"
+                 "  expected: vertices and indices; instances and commands both or none"));
+  EXPECT_EQ(made([](Example& e) { e.ports[1].commands = "table"; }),
+            told("port 'visibility': its batches have no place\n"
+                 "  expected: vertices and indices; instances and commands both or none"));
+  EXPECT_EQ(message([](Example& e) { e.ports[2].vertices = "table"; }),
+            told("port 'table': vertices names nothing that batches could lie in\n  found:    \"table\"\n"
+                 "  expected: NULL: it makes no surfaces"));
 }
 
 TEST(Descriptor, WithAListThatContradictsItselfIsRefused) {
@@ -592,7 +623,7 @@ TEST(Descriptor, WithAnAccessThatDoesNotFitIsRefused) {
                 told("function 'sky': access to 'depth': an input is written"));
   EXPECT_EQ(message([](Example& e) { e.accesses[2].access = HEDDLE_ACCESS_STORAGE_WRITE; }),
             told("stage 'fill': access to 'table' is not of its kind\n  found:    HEDDLE_ACCESS 3\n"
-                 "  expected: HOST_READ, HOST_WRITE or VALUE in a cpu stage"));
+                 "  expected: HOST_READ, HOST_WRITE, VALUE or BATCHES in a cpu stage"));
   EXPECT_EQ(message([](Example& e) { e.accesses[1].access = HEDDLE_ACCESS_HOST_WRITE; }),
             told("stage 'draw': access to 'visibility' is not of its kind\n  found:    HEDDLE_ACCESS 11\n"
                  "  expected: no HOST_READ and no HOST_WRITE in a gpu stage"));
