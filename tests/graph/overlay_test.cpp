@@ -151,7 +151,8 @@ TEST(Overlay, NamesBothPlacesThatWereLookedAt) {
             root +
                 "/over.toml:1:11: error: there is neither a file nor a shipped graph 'defered'\n  expected: one of the "
                 "files " +
-                root + "/defered and " + root + "/shipped/defered.toml; shipped are deferred\n  help:     did you mean 'deferred'?");
+                root + "/defered and " + root +
+                "/shipped/defered.toml; shipped are deferred\n  help:     did you mean 'deferred'?");
 }
 
 TEST(Overlay, RemembersWhatItRemoved) {
