@@ -6,7 +6,8 @@
 # Copies role.toml files, shared GLSL and records.h to where libraries are built.
 function(heddle_plugin_contracts source output)
   file(GLOB roles CONFIGURE_DEPENDS RELATIVE ${source} ${source}/*/role.toml)
-  file(GLOB shared CONFIGURE_DEPENDS RELATIVE ${source} ${source}/shared/*.glsl ${source}/shared/*.h)
+  file(GLOB shared CONFIGURE_DEPENDS RELATIVE ${source} ${source}/shared/*.glsl ${source}/shared/*.h
+       ${source}/shared/*.hpp)
   set(outputs)
   foreach(file ${roles} ${shared})
     add_custom_command(OUTPUT ${output}/${file} DEPENDS ${source}/${file}
