@@ -80,6 +80,7 @@ heddle_status heddle_comparison_map(const heddle_comparison* comparison, const c
     const auto found = maps.find(metric);
     if (found == maps.end()) {
       std::vector<std::string> names;
+      names.reserve(maps.size());
       for (const auto& [name, map] : maps) names.push_back(name);
       throw Error(HEDDLE_BAD_INPUT,
                   heddle::Diagnostic{heddle::Severity::kError,

@@ -72,6 +72,7 @@ Asked ask(const std::string& name) {
   }
   if (const auto found = info(name); found != kMetrics.end()) return {found, name};
   std::vector<std::string> names;
+  names.reserve(kMetrics.size());
   for (const MetricInfo& metric : kMetrics) names.emplace_back(metric.name);
   const std::string nearest = nearest_name(name, names);
   throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
@@ -84,6 +85,7 @@ Asked ask(const std::string& name) {
 
 std::vector<Asked> ask_all(const std::vector<std::string>& names) {
   std::vector<Asked> asked;
+  asked.reserve(names.size());
   for (const std::string& name : names) asked.push_back(ask(name));
   if (!asked.empty()) return asked;
   for (const MetricInfo& metric : kMetrics) {

@@ -6,6 +6,8 @@
 #include "graph/uses.hpp"
 #include "scene/upload.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <set>
 

@@ -61,6 +61,7 @@ bool Executor::State::copy_contents(ResourceIndex surfaces, heddle_frame& frame)
   const std::vector<ResourceIndex> versions = made_versions(surfaces);
   if (versions.empty()) return false;
   std::vector<const scene::MadeSurfaces*> made;
+  made.reserve(versions.size());
   for (const ResourceIndex version : versions) made.push_back(&resources[version].made->surfaces);
   if (resources[versions.front()].made->snapshot.is_of(*scene, holds_scene(graph, surfaces), made, origin))
     return false;
