@@ -67,8 +67,11 @@ std::string hash_of(std::span<const std::byte> bytes) {
   return hash.hexadecimal();
 }
 
-/// Nothing if there is no such file.
+/// Nothing if there is no such file, or something else in its place: a folder opens as a file does, and claims to be
+/// as long as can be; a pipe lets its reader wait.
 std::optional<std::vector<std::byte>> contents(const fs::path& file) {
+  std::error_code unknown;
+  if (!fs::is_regular_file(file, unknown)) return std::nullopt;
   std::ifstream stream(file, std::ios::binary | std::ios::ate);
   if (!stream) return std::nullopt;
   std::vector<std::byte> bytes(static_cast<std::size_t>(std::max<std::streamoff>(stream.tellg(), 0)));
@@ -88,7 +91,12 @@ std::optional<ArtifactParts> ArtifactCache::read(const std::string& key, std::st
   damage.clear();
   if (folder_.empty()) return std::nullopt;
   const std::optional<std::vector<std::byte>> bytes = contents(file(key));
-  if (!bytes) return std::nullopt;
+  if (!bytes) {
+    std::error_code unknown;
+    const fs::file_status found = fs::status(file(key), unknown);
+    if (fs::exists(found) && !fs::is_regular_file(found)) damage = "it is no file";
+    return std::nullopt;
+  }
   Reader in(*bytes);
   if (text_of(in.take(kMagic.size())) != kMagic) {
     damage = "it does not begin as an artifact does";

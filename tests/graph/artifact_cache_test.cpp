@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -87,6 +88,24 @@ TEST_F(ArtifactCacheTest, TellsEveryChangedByteAndEveryMissingEnd) {
   EXPECT_EQ(damage(), "it does not begin as an artifact does");
   replace(whole.substr(0, 18) + kOther + whole.substr(50));
   EXPECT_EQ(damage(), "it holds another key than its name says");
+}
+
+TEST_F(ArtifactCacheTest, TellsWhatIsNoFileAndLeavesIt) {
+  const ArtifactCache cache(folder_, kPlenty);
+  const auto part = bytes(40, 5);
+  fs::create_directories(cache.file(kKey));
+  EXPECT_EQ(damage(), "it is no file");
+  EXPECT_EQ(cache.write(kKey, {{"image", part}}),
+            "the artifact cache " + folder_.string() + " cannot be written: Is a directory");
+  EXPECT_EQ(count(), 1U) << "nothing unfinished";
+  EXPECT_EQ(cache.write(kOther, {{"image", part}}), "") << "others have room beside it";
+  EXPECT_TRUE(fs::is_directory(cache.file(kKey)));
+  cache.remove(kKey);
+  ASSERT_EQ(mkfifo(cache.file(kKey).c_str(), 0600), 0);
+  EXPECT_EQ(damage(), "it is no file") << "and nobody waits for who writes to it";
+  EXPECT_EQ(cache.write(kKey, {{"image", part}}), "");
+  std::string told;
+  EXPECT_TRUE(cache.read(kKey, told)) << told;
 }
 
 TEST_F(ArtifactCacheTest, IsWholeOrNotThereAfterTheWriterWasKilled) {
