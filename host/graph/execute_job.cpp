@@ -40,6 +40,7 @@ std::string hash_without_places(const scene::Scene& scene) {
     for (auto* place : {record.position_rel, record.direction, record.tangent}) std::fill_n(place, 3, 0.0F);
     add_record(hash, record);
     hash.add(light.name);
+    add_record(hash, light.texture == nullptr ? std::uint64_t{0} : light.texture->revision);
   }
   return hash.hexadecimal();
 }

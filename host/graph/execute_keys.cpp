@@ -4,6 +4,7 @@
 
 #include "content_hash.hpp"
 #include "graph/uses.hpp"
+#include "scene/light_texture.hpp"
 #include "scene/upload.hpp"
 
 #include <fmt/format.h>
@@ -175,16 +176,23 @@ class Keys {
     if (port == "surfaces" || port == "lights") add_bytes(hash, context_.origin);
     if (port == "surfaces") {
       hash.add(hash_of_surfaces(scene));
+    } else if (port == "light_textures") {
+      add_array(hash, scene::light_texture_elements(scene::light_textures(scene)));
     } else if (port == "lights") {
       add_array(hash, scene::SceneBuffers::lights(scene, context_.origin));
       for (const scene::Light& light : scene.lights) hash.add(light.name);
-    } else if (port == "environment" && scene.environment) {
-      HeddleEnvironment record = scene.environment->record;
-      record.revision = 0;  // a count of this process
-      add_bytes(hash, record);
-      add_array(hash, scene.environment->texels);
+    } else if (port == "environment") {
+      if (scene.environment) {
+        HeddleEnvironment record = scene.environment->record;
+        record.revision = 0;  // a count of this process
+        add_bytes(hash, record);
+        add_array(hash, scene.environment->texels);
+      }
     } else if (const auto component = context_.registry.components().find_port(port)) {
       add_array(hash, scene::component_elements(scene.components, *component->type, component->owner));
+    } else {
+      // A key that does not hold what a job reads would give out the artifact of another scene.
+      throw Error(HEDDLE_BUG, fmt::format("no job's key can hold the scene's '{}'", port));
     }
     return known = hash.hexadecimal();
   }

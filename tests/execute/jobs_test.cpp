@@ -43,6 +43,27 @@ class Host : public CachedHost {
     if (bytes > 0) std::memcpy(numbers.data(), data, bytes);
     return numbers;
   }
+  /// A rectangle light, the first one, with a texture of 2 x 1 texels of these greys.
+  void add_lamp(float left, float right) {
+    heddle_light light{};
+    light.struct_size = sizeof light;
+    light.record.type = HEDDLE_LIGHT_RECTANGLE;
+    light.record.direction[2] = light.record.tangent[0] = 1;
+    std::fill_n(light.record.half_extent, 2, 1.0F);
+    std::fill_n(light.record.intensity, 3, 1.0F);
+    std::uint32_t id = 0;
+    ASSERT_EQ(heddle_scene_add_light(scene, "lamp", &light, &id), HEDDLE_OK) << error();
+    set_texture(left, right);
+  }
+  void set_texture(float left, float right) {
+    const std::array<float, 2> texels{left, right};
+    heddle_image image{};
+    image.struct_size = sizeof image;
+    image.width = 2;
+    image.height = image.channels = 1;
+    image.pixels = texels.data();
+    ASSERT_EQ(heddle_scene_set_light_texture(scene, 0, &image), HEDDLE_OK) << error();
+  }
   [[nodiscard]] std::ptrdiff_t slices() const { return count_said("): slice "); }
   /// One triangle with corners at 0, (width, 0, 0) and (0, 1, 0).
   void add_triangle(float width) {
@@ -203,6 +224,44 @@ TEST_F(Jobs, AreKeptByTheSceneThatTheyLookAt) {
   EXPECT_EQ(host.error(),
             "job.toml:2:1: error: pass 'areas' has nothing to work on: the scene has no 'surfaces'\n"
             "  expected: a scene with 'surfaces'");
+}
+
+TEST_F(Jobs, AreKeptByTheTexturesOfLightsThatTheyLookAt) {
+  constexpr const char* kFilm =
+      "kind = \"job\"\n[[pass]]\nname = \"film\"\nrole = \"job_probe\"\ntechnique = \"film\"\n"
+      "inputs.light_textures = \"scene.light_textures\"\n";
+  const auto look = [&](float left, float right) {
+    Host host(cache_);
+    host.add_lamp(left, right);
+    EXPECT_EQ(host.parse(kFilm, "film.toml", folder_), HEDDLE_OK) << host.error();
+    const Json result = host.run();
+    // Three channels of both texels, and of the one texel of the level below: their mean.
+    EXPECT_THAT(host.table(), ElementsAre(1, 4.5 * static_cast<double>(left + right)));
+    return result["artifacts"][0]["origin"].get<std::string>();
+  };
+  EXPECT_EQ(look(1, 3), "made");
+  EXPECT_EQ(look(1, 3), "cache") << "not by what a process counts";
+  EXPECT_EQ(look(1, 7), "made");
+  EXPECT_EQ(look(3, 1), "made") << "the same sum of other texels";
+  EXPECT_EQ(look(1, 3), "cache");
+
+  // A frame graph that names the job runs it again.
+  write("film.toml", kFilm);
+  Host host(cache_);
+  host.add_lamp(1, 3);
+  ASSERT_EQ(host.parse("extent = [8, 8]\noutput = \"show.color\"\n[[pass]]\nname = \"show\"\nrole = \"job_probe\"\n"
+                       "technique = \"show\"\ninputs.links = \"film.toml#table\"\n",
+                       "frames.toml", folder_),
+            HEDDLE_OK)
+      << host.error();
+  EXPECT_THAT(host.render(), ElementsAre(1, 2, 0, 0));
+  EXPECT_EQ(host.artifacts()[0]["origin"], "cache");
+  host.set_texture(1, 5);
+  host.render();
+  EXPECT_EQ(host.count_said("adds texels"), 1);
+  EXPECT_EQ(host.artifacts()[0]["origin"], "made");
+  host.render();
+  EXPECT_EQ(host.count_said("adds texels"), 1) << "and not with every frame";
 }
 
 TEST_F(Jobs, StopBetweenSlicesAndGoOnInAnotherProcess) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// job_probe/...: jobs in slices on the CPU and on the GPU, jobs that look at a mesh or need a camera, and who reads
-// what they leave. For tests.
+// job_probe/...: jobs in slices on the CPU and on the GPU, jobs that look at a mesh, at textures of lights or need a
+// camera, and who reads what they leave. For tests.
 #include <heddle/pass.hpp>
 
 #include <array>
@@ -183,6 +183,30 @@ struct Look {
   heddle_status execute(const Frame&) const { return HEDDLE_OK; }
 };
 
+// ---- film: the sum of all texels of the textures of lights, their levels too
+constexpr heddle_port kFilmPorts[] = {
+    [] {
+      heddle_port p = value_in("light_textures", "images on rectangle lights");
+      p.glsl = "vec4 light_textures[];";
+      return p;
+    }(),
+    artifact_out("table", "how many textures, and their sum"),
+};
+constexpr heddle_access kFilmAccesses[] = {value("light_textures"), value("table")};
+constexpr heddle_stage kFilmStages[] = {cpu_stage("add", kFilmAccesses)};
+struct Film {
+  heddle_status execute(const Frame& frame) const {
+    frame.host().inform("adds texels");
+    const auto floats = frame.value<float>("light_textures");
+    const auto heads = frame.value<HeddleLightTexture>("light_textures");
+    const std::size_t first = heads.empty() ? 0 : heads[0].first;
+    double sum = 0;
+    for (std::size_t i = 4 * first; i < floats.size(); ++i) sum += i % 4 == 3 ? 0.0 : static_cast<double>(floats[i]);
+    const std::array<double, 2> numbers{static_cast<double>(first), sum};
+    return frame.set_value<double>("table", numbers);
+  }
+};
+
 // ---- picture: an image of the frame's size, 0.25 everywhere
 constexpr heddle_port kPicturePorts[] = {image_out("color", VK_FORMAT_R32G32B32A32_SFLOAT, "a quarter")};
 constexpr heddle_access kPictureAccesses[] = {host_write("color")};
@@ -252,9 +276,10 @@ constexpr heddle_technique kAreas = [] {
   return t;
 }();
 constexpr heddle_technique kLook = make<Look>("job_probe/look", kLookPorts, kLookStages);
+constexpr heddle_technique kFilm = make<Film>("job_probe/film", kFilmPorts, kFilmStages);
 constexpr heddle_technique kPicture = make<Picture>("job_probe/picture", kPicturePorts, kPictureStages);
 constexpr heddle_technique kShow = make<Show>("job_probe/show", kShowPorts, kShowStages);
 
 }  // namespace
 
-HEDDLE_PLUGIN(kCount, kPlain, kGpu, kAreas, kLook, kPicture, kShow)
+HEDDLE_PLUGIN(kCount, kPlain, kGpu, kAreas, kLook, kFilm, kPicture, kShow)
