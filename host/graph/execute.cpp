@@ -47,7 +47,6 @@ void Executor::replace(ResolvedGraph graph, std::vector<std::string> kept) {
   for (const std::string& name : kept) (void)find_resource(graph, name);
   std::swap(s.original, graph);
   std::swap(s.kept_names, kept);
-  s.adopt_jobs(graph.jobs);
   const auto is_there = [&](ResourceIndex resource) { return s.lasting.contains(s.original.resources[resource].name); };
   const bool waits = s.is_planned && !s.original.jobs.empty() &&
                      !std::ranges::all_of(s.needed_artifacts(s.planned_features), is_there);
@@ -58,6 +57,7 @@ void Executor::replace(ResolvedGraph graph, std::vector<std::string> kept) {
   }
   if (!s.is_planned) {
     s.graph = s.original;
+    s.adopt_jobs(graph.jobs);
     return;
   }
   const bool had_frame = s.has_frame;
@@ -77,6 +77,7 @@ void Executor::replace(ResolvedGraph graph, std::vector<std::string> kept) {
     }
     throw;
   }
+  s.adopt_jobs(graph.jobs);  // only now: a graph that is put back finds its jobs as it left them
 }
 
 void Executor::set_parameter(PassIndex pass, std::size_t parameter, const ParameterValue& value) {

@@ -43,6 +43,13 @@ class Host : public CachedHost {
     if (bytes > 0) std::memcpy(numbers.data(), data, bytes);
     return numbers;
   }
+  /// The first number of a kept image.
+  float first_of(const char* resource) {
+    heddle_image image{};
+    image.struct_size = sizeof image;
+    EXPECT_EQ(heddle_read(graph, resource, 0, 0, &image), HEDDLE_OK) << error();
+    return image.pixels == nullptr ? -1 : image.pixels[0];
+  }
   /// A rectangle light, the first one, with a texture of 2 x 1 texels of these greys.
   void add_lamp(float left, float right) {
     heddle_light light{};
@@ -472,6 +479,42 @@ TEST_F(Jobs, AreRunByFrameGraphsThatNameThem) {
   const char* text = nullptr;
   ASSERT_EQ(heddle_graph_files(host.graph, &text), HEDDLE_OK);
   EXPECT_THAT(text, HasSubstr((folder_ / "others.toml").string()));
+}
+
+TEST_F(Jobs, StayWithTheirInputsWhenAReloadFails) {
+  write("low.toml", std::string(kCountJob) + "params.first = 30\n");
+  write("high.toml", std::string(kCountJob) + "params.first = 60\n");
+  const auto show = [](const std::string& name, const std::string& job) {
+    return "[[pass]]\nname = \"" + name + "\"\nrole = \"job_probe\"\ntechnique = \"show\"\ninputs.links = \"" + job +
+           ".toml#table\"\n";
+  };
+  const std::string good = "extent = [8, 8]\noutput = \"a.color\"\n" + show("a", "low") + show("b", "high");
+  write("base.toml", good);
+  Host host(cache_);
+  ASSERT_EQ(host.parse("extends = \"base.toml\"\n", "frames.toml", folder_), HEDDLE_OK) << host.error();
+  ASSERT_EQ(heddle_graph_keep(host.graph, "b.color"), HEDDLE_OK) << host.error();
+  host.render();
+  EXPECT_EQ(host.first_of("a.color"), 30);
+  EXPECT_EQ(host.first_of("b.color"), 60);
+
+  // One job less, so that the other takes its place; and a pass that cannot be planned.
+  write("base.toml", "extent = [8, 8]\noutput = \"c.color\"\n" + show("a", "high") + show("b", "high") +
+                         show("c", "high") + "params.fails = true\n");
+  EXPECT_EQ(heddle_graph_reload(host.graph), HEDDLE_UNSUPPORTED);
+  EXPECT_THAT(host.error(), HasSubstr("it was asked to fail"));
+  for (const float width : {2.0F, 3.0F}) {
+    host.render();
+    EXPECT_EQ(host.first_of("a.color"), 30);
+    EXPECT_EQ(host.first_of("b.color"), 60);
+    host.add_triangle(width);  // the jobs are due again
+  }
+  EXPECT_EQ(host.slices(), 8) << "what both made is there still";
+
+  write("base.toml", "extent = [8, 8]\noutput = \"a.color\"\n" + show("a", "high") + show("b", "low"));
+  ASSERT_EQ(heddle_graph_reload(host.graph), HEDDLE_OK) << host.error();
+  host.render();
+  EXPECT_EQ(host.first_of("a.color"), 60);
+  EXPECT_EQ(host.first_of("b.color"), 30);
 }
 
 TEST_F(Jobs, OfFrameGraphsRunAgainWhenTheSceneChangesAndNotWhenItMoves) {

@@ -226,10 +226,12 @@ constexpr heddle_port kShowPorts[] = {
     artifact_in("links", "a table"),
     image_out_sized("color", VK_FORMAT_R32G32B32A32_SFLOAT, 1, 1, "its numbers"),
 };
+constexpr heddle_parameter kShowParameters[] = {toggle("fails", false, "it cannot be planned")};
 constexpr heddle_access kShowAccesses[] = {value("links"), host_write("color")};
 constexpr heddle_stage kShowStages[] = {cpu_stage("show", kShowAccesses)};
 struct Show {
   heddle_status declare(const PassHost& host) {
+    if (host.toggle("fails")) return host.fail(HEDDLE_UNSUPPORTED, "it was asked to fail");
     const auto links = host.artifact<double>("links");
     if (links.size_bytes() != host.shape("links").byte_size)
       return host.fail(HEDDLE_BUG, "the artifact is not there before declare");
@@ -278,7 +280,11 @@ constexpr heddle_technique kAreas = [] {
 constexpr heddle_technique kLook = make<Look>("job_probe/look", kLookPorts, kLookStages);
 constexpr heddle_technique kFilm = make<Film>("job_probe/film", kFilmPorts, kFilmStages);
 constexpr heddle_technique kPicture = make<Picture>("job_probe/picture", kPicturePorts, kPictureStages);
-constexpr heddle_technique kShow = make<Show>("job_probe/show", kShowPorts, kShowStages);
+constexpr heddle_technique kShow = [] {
+  heddle_technique t = make<Show>("job_probe/show", kShowPorts, kShowStages);
+  t.parameters = list(kShowParameters, t.parameter_count);
+  return t;
+}();
 
 }  // namespace
 
