@@ -56,7 +56,8 @@ VkBuffer Executor::State::buffer_of(ResourceIndex buffer) const {
   return buffer == kNoIndex ? VK_NULL_HANDLE : resources[resources[buffer].root].buffer.handle();
 }
 
-/// Copies what a snapshot of the surfaces needs, if there is none of what they hold now. True if it recorded copies.
+/// Copies what a snapshot of the surfaces needs, if there is none of what they hold now, and what another port of the
+/// stage had copied is not again. True if it recorded copies.
 bool Executor::State::copy_contents(ResourceIndex surfaces, heddle_frame& frame) {
   const std::vector<ResourceIndex> versions = made_versions(surfaces);
   if (versions.empty()) return false;
@@ -65,7 +66,9 @@ bool Executor::State::copy_contents(ResourceIndex surfaces, heddle_frame& frame)
   for (const ResourceIndex version : versions) made.push_back(&resources[version].made->surfaces);
   if (resources[versions.front()].made->snapshot.is_of(*scene, holds_scene(graph, surfaces), made, origin))
     return false;
+  const std::size_t before = frame.contents.size();
   for (const ResourceIndex version : versions) {
+    if (std::ranges::find(frame.contents, version, &heddle_frame::Contents::made) != frame.contents.end()) continue;
     heddle_frame::Contents contents;
     contents.made = version;
     const BatchBuffers buffers = batch_buffers_of(graph, version);
@@ -77,7 +80,7 @@ bool Executor::State::copy_contents(ResourceIndex surfaces, heddle_frame& frame)
     }
     frame.contents.push_back(std::move(contents));
   }
-  return true;
+  return frame.contents.size() > before;
 }
 
 const scene::Snapshot& Executor::State::take_snapshot(ResourceIndex surfaces, const heddle_frame& frame) {

@@ -179,6 +179,25 @@ TEST(MadeSurfaces, AreInSnapshotsWithWhatIsBeneathThem) {
   }
 }
 
+TEST(MadeSurfaces, AreCopiedOnceForAStageThatReadsThemThroughTwoPorts) {
+  Scene scene;
+  scene.add_floor(dvec3(0, 0, 0), 6);
+  scene.look(dvec3(0, 1, 5), dvec3(0, 0, 0));
+  const auto look = [&](const std::string& more) {
+    Graph graph(
+        "extent = [8, 8]\noutput = \"look.color\"\n[[pass]]\nrole = \"made\"\ntechnique = \"listed\"\n"
+        "[[pass]]\nname = \"look\"\nrole = \"made\"\ntechnique = \"look\"\n"
+        "inputs.triangles = \"made.surfaces\"\n" +
+        more);
+    const Image seen = graph.image(scene);
+    EXPECT_EQ(seen.pixels[0], 34);
+    return stats(graph)["counters"]["read_back_bytes"].get<std::uint64_t>();
+  };
+  const std::uint64_t once = look({});
+  EXPECT_GT(once, 0U);
+  EXPECT_EQ(look("inputs.others = \"made.surfaces\"\n"), once);
+}
+
 TEST(MadeSurfaces, AreRefusedWhereTheyLieOutsideOfTheirBuffers) {
   Scene scene;
   furnish(scene);

@@ -136,12 +136,14 @@ struct Field {
 constexpr std::uint32_t kSide = 256;
 constexpr heddle_port kLookPorts[] = {
     surfaces_in("triangles", "what is looked at"),
+    surfaces_in("others", "what is looked at too: as many triangles, and vertices, or it fails", HEDDLE_PORT_OPTIONAL),
     image_out_sized("color", VK_FORMAT_R32G32B32A32_SFLOAT, 1, 1,
                     "triangles, vertices, sums of x and of y of all corners in metres", HEDDLE_PORT_KEPT),
     image_out_sized("points", VK_FORMAT_R32G32B32A32_SFLOAT, kSide, kSide,
                     "layer 0: positions in the scene; 1: normals; 2: corners of triangles", HEDDLE_PORT_KEPT, 3),
 };
-constexpr heddle_access kLook[] = {host_read("triangles"), host_write("color"), host_write("points")};
+constexpr heddle_access kLook[] = {host_read("triangles"), host_read("others"), host_write("color"),
+                                   host_write("points")};
 constexpr heddle_stage kLookStages[] = {cpu_stage("look", kLook)};
 struct Look {
   heddle_status execute(const Frame& frame) const {
@@ -151,6 +153,13 @@ struct Look {
     heddle_status status = frame.snapshot("triangles", snapshot, alpha);
     if (status == HEDDLE_OK) status = frame.map("color", color);
     if (status != HEDDLE_OK) return status;
+    if (frame.host().is_bound("others")) {
+      const heddle_snapshot* other = nullptr;
+      status = frame.snapshot("others", other, alpha);
+      if (status != HEDDLE_OK) return status;
+      if (other->triangle_count != snapshot->triangle_count || other->vertex_count != snapshot->vertex_count)
+        return HEDDLE_BUG;
+    }
     double x = 0, y = 0;
     for (std::size_t i = 0; i < std::size_t{snapshot->triangle_count} * 3; ++i) {
       const float* at = snapshot->positions + std::size_t{snapshot->indices[i]} * 3;
