@@ -124,23 +124,34 @@ void print_metrics(const Json& metrics) {
   }
 }
 
-/// "rmse=0.01": exits 1 if the metric is above (psnr and ssim: below) the bound.
-int check_bounds(const std::vector<std::string>& bounds, const Json& metrics) {
-  int status = HEDDLE_OK;
-  for (const std::string& bound : bounds) {
-    const std::size_t equals = bound.find('=');
-    const std::string key = bound.substr(0, equals);
+using Bounds = std::vector<std::pair<std::string, double>>;
+
+/// "rmse=0.01", read before anything is compared.
+Bounds read_bounds(const std::vector<std::string>& texts) {
+  Bounds bounds;
+  bounds.reserve(texts.size());
+  for (const std::string& text : texts) {
+    const std::size_t equals = text.find('=');
     char* end = nullptr;
-    const double limit = equals == std::string::npos ? 0 : std::strtod(bound.c_str() + equals + 1, &end);
-    if (end == nullptr || *end != '\0' || end == bound.c_str() + equals + 1) {
-      throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: --bound '{}' is not METRIC=NUMBER", bound)};
+    const double limit = equals == std::string::npos ? 0 : std::strtod(text.c_str() + equals + 1, &end);
+    if (end == nullptr || *end != '\0' || end == text.c_str() + equals + 1 || !std::isfinite(limit)) {
+      throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: --bound '{}' is not METRIC=NUMBER", text)};
     }
-    const Json& metric = metrics.at(key);
+    bounds.emplace_back(text.substr(0, equals), limit);
+  }
+  return bounds;
+}
+
+/// Exits 1 if a metric is above (psnr and ssim: below) its bound.
+int check_bounds(const Bounds& bounds, const Json& metrics) {
+  int status = HEDDLE_OK;
+  for (const auto& [name, limit] : bounds) {
+    const Json& metric = metrics.at(name);
     if (!metric.at("value").is_number()) continue;  // psnr of equal images is infinite
     const double value = metric.at("value").get<double>();
     const bool is_within = metric.at("better") == "higher" ? value >= limit : std::abs(value) <= limit;
     if (!is_within) {
-      fmt::print(stderr, "bound exceeded: {} is {:.6g}, the bound is {:.6g}\n", key, value, limit);
+      fmt::print(stderr, "bound exceeded: {} is {:.6g}, the bound is {:.6g}\n", name, value, limit);
       status = 1;
     }
   }
@@ -161,6 +172,7 @@ int compare_files(CompareArguments& arguments) {
                               "scene\n  found:    {} files",
                               arguments.files.size())};
   }
+  const Bounds bounds = read_bounds(arguments.bounds);
   const Owned<heddle_host> host = make_host(arguments.host);
   heddle_image image{};
   image.struct_size = sizeof image;
@@ -184,7 +196,7 @@ int compare_files(CompareArguments& arguments) {
     fmt::print("{} against {}\n", arguments.files[0], arguments.files[1]);
     print_metrics(report["metrics"]);
   }
-  return check_bounds(arguments.bounds, report["metrics"]);
+  return check_bounds(bounds, report["metrics"]);
 }
 
 struct Variant {
@@ -211,6 +223,7 @@ int compare_techniques(CompareArguments& arguments) {
   }
   const std::string pass = arguments.swap.substr(0, equals);
   arguments.sort_files();
+  const Bounds bounds = read_bounds(arguments.bounds);
   const Owned<heddle_host> host = make_host(arguments.host);
   const Owned<heddle_scene> scene = load_scene(host.get(), arguments);
   std::array<Variant, 2> variants;
@@ -282,7 +295,7 @@ int compare_techniques(CompareArguments& arguments) {
                  *high);
     }
   }
-  return check_bounds(arguments.bounds, metrics);
+  return check_bounds(bounds, metrics);
 }
 
 }  // namespace

@@ -43,6 +43,7 @@ bool Executor::State::is_still(const scene::Scene& rendered, const FrameOptions&
     add_bytes(now, light.record);
     add_bytes(now, light.texture ? light.texture->revision : std::uint64_t{0});
   }
+  if (rendered.environment) add_bytes(now, rendered.environment->record);
   add_bytes(now, options.time);
   add_bytes(now, options.time_step);
   add_bytes(now, options.seed);

@@ -297,6 +297,10 @@ Change read_light(Table& table, const std::string& name, bool is_new, const Comp
   const auto texture = read_light_texture(table, name, folder, limits, files);
   const std::vector<ComponentValues> components = table.components(catalog, Owner::kLight);
   table.finish();
+  if (texture && type && *type != HEDDLE_LIGHT_RECTANGLE) {
+    table.mistake(table.where(*table.find("texture")), "this light has no face to show a texture on", "",
+                  "type = \"rectangle\"");
+  }
   if (is_new && (!type || !intensity)) {
     table.mistake(table.where(), "a new light needs a type and an intensity", "",
                   "type = \"point\", intensity = [1, 1, 1]", "to change a light, write the name that it has");

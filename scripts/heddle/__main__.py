@@ -603,7 +603,7 @@ def say(arguments: argparse.Namespace, text: str) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="heddle", description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(prog="heddle", description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"heddle {version()}")
     commands = parser.add_subparsers(dest="command", required=True)
     for name, body, text in (("run", run, "render a scene through a graph and write images"),
@@ -611,7 +611,7 @@ def main() -> int:
                              ("explain", explain, "say what the graph compiler decided for a scene and why"),
                              ("inspect", inspect, "say what every image port holds at a pixel"),
                              ("compare", compare, "compare two techniques of one pass on a scene")):
-        command = commands.add_parser(name, help=text)
+        command = commands.add_parser(name, help=text, allow_abbrev=False)
         command.set_defaults(body=body)
         command.add_argument("files", nargs="*", help="a graph and a scene (.py, .glb, .gltf, .scene.toml), in any order")
         command.add_argument("--scene")
@@ -663,7 +663,7 @@ def main() -> int:
             command.add_argument("--metric", action="append", default=[], help="only this one, repeatable")
             command.add_argument("--folder", default="out")
             command.add_argument("--repeats", type=int, default=3)
-    command = commands.add_parser("study", help="measure error and time of techniques over their knobs")
+    command = commands.add_parser("study", allow_abbrev=False, help="measure error and time of techniques over their knobs")
     command.set_defaults(body=study)
     command.add_argument("files", nargs="*", help="a study (.toml), or the name of a shipped one; with --role: scenes")
     command.add_argument("--role", help="study all techniques of this role over all their knobs, without a file")

@@ -102,6 +102,27 @@ def test_fading_to_nothing_ends_in_the_dark(host, empty):
             np.testing.assert_allclose(radiance(graph, empty), scale, rtol=2e-3)
 
 
+@pytest.mark.parametrize("technique", ["supersampled", "multiframe"])
+def test_a_complete_loop_begins_anew_under_another_environment(host, empty, technique):
+    looking(empty, (0, 0, -1))
+    settings = [*SMALL, "sky.technique=environment_map", f"aa.technique={technique}", "aa.params.samples=2",
+                "params.exposure=0"]
+    if technique == "supersampled":
+        settings.append("aa.params.mode=progressive")
+    with host.graph("supersampled", settings) as graph:
+        seen = []
+        for image, scale in ((1.0, 1.0), (0.25, 1.0), (0.25, 3.0)):
+            empty.set_environment(np.full((8, 16), image, np.float32), scale=scale)
+            for _ in range(4):
+                graph.render(empty)
+            assert graph.stats()["counters"]["submits"] == 0  # complete
+            seen.append(graph.read()[..., :3])
+            for _ in range(2):
+                graph.render(empty, anew=True)
+            np.testing.assert_array_equal(seen[-1], graph.read()[..., :3])
+        assert seen[1].max() < seen[2].max() < seen[0].max()
+
+
 @pytest.mark.parametrize("wrong", [{"scale": -1.0}, {"scale": math.nan}, {"scale": math.inf}, {"rotation": (0, 0, 0, 0)}])
 def test_scales_and_rotations_that_mean_nothing_are_refused(empty, wrong):
     with pytest.raises(heddle.Error, match=next(iter(wrong))):

@@ -329,6 +329,9 @@ def test_an_overlay_names_the_file(module_host, tmp_path):
         with pytest.raises(heddle.Error) as error:
             picture(lambda scene: scene.load(overlay))
         assert str(error.value).startswith(f"{overlay}:7:11: error: light") and what in str(error.value)
+    overlay.write_text(text.replace("rectangle", "point") + 'texture = "film.exr"\n')
+    with pytest.raises(heddle.Error, match="this light has no face to show a texture on"):
+        picture(lambda scene: scene.load(overlay))
 
 
 def test_scenes_without_one_pay_nothing(module_host, tmp_path):

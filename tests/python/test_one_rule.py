@@ -75,6 +75,18 @@ def test_an_option_of_an_image_needs_the_image(command, scenes, file, option):
 
 
 @pytest.mark.parametrize("file", ["scene.py", "scene.gltf"])
+def test_half_an_option_is_none(command, scenes, file):
+    said = run(command, "run", "studio", scenes / file, *SMALL, "--liv", status=2).stderr
+    assert "--liv" in said
+
+
+@pytest.mark.parametrize("bound", ["rmse=nan", "rmse=abc", "rmse", "rmse=inf"])
+def test_a_bound_is_a_number_and_read_first(command, bound):
+    done = run(command, "compare", "nowhere.exr", "neither.exr", "--bound", bound, status=2)
+    assert done.stderr == f"error: --bound '{bound}' is not METRIC=NUMBER\n" and done.stdout == ""
+
+
+@pytest.mark.parametrize("file", ["scene.py", "scene.gltf"])
 def test_a_live_run_says_what_was_stale(command, scenes, file):
     said = run(command, "run", "studio", scenes / file, *SMALL, "--live", "--frames", "4", "--output", scenes / "x.png").stderr
     assert "live: 0 of 0 late reads were stale; the host waited for the GPU " in said
