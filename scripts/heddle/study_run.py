@@ -604,16 +604,40 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
         for metric, errors in run.errors.get(point.name, {}).get("seeds", {}).items():
             parts = run.errors[point.name]["parts"][metric]
             direction, formula = better.get(metric, ("lower", "P-th percentile of |a-b|, nearest rank"))
-            if not all(math.isfinite(each) for each in errors):  # psnr of equal images
-                row(point, metric, "1", samples=len(errors), formula=formula, note="infinite: equal images")
+            compared = point is not baseline and baseline.name in run.errors
+            if not is_finite(run.errors[point.name], metric):
+                more = unmeasured(run, point, baseline, metric) if compared else {}
+                row(point, metric, "1", samples=len(errors), formula=formula, **{"note": why_not_finite(errors)} | more)
                 continue
             own = s.reference_floor(parts) if len(parts) > 1 else 0.0
             interval = error_interval(errors, own)
             more = {}
-            if point is not baseline and baseline.name in run.errors:
+            if compared and is_finite(run.errors[baseline.name], metric):
                 more = told(error_verdict(run, point, baseline, metric, direction))
+            elif compared:
+                more = unmeasured(run, point, baseline, metric)
             row(point, metric, "1", interval, len(errors), formula=formula, **more)
     return rows, restless
+
+
+def is_finite(found: dict, metric: str) -> bool:
+    return all(math.isfinite(each) for each in [*found["seeds"][metric], *found["parts"][metric]])
+
+
+def why_not_finite(errors: Sequence[float]) -> str:
+    if any(math.isnan(each) for each in errors):
+        return "not a number"
+    return "infinite: equal images" if any(math.isinf(each) for each in errors) else "infinite against a part of the reference"
+
+
+def unmeasured(run: SceneRun, point: Point, baseline: Point, metric: str) -> dict[str, Any]:
+    """The verdict where an error is not finite, as psnr is of equal images: such have no difference that could be measured."""
+    a, b = (run.errors[each.name] for each in (baseline, point))
+    if set(a["seeds"][metric]) == set(b["seeds"][metric]) == {math.inf}:
+        return {"against": baseline.name, "verdict": s.SAME, "note": "infinite: both images equal the reference"}
+    odd = point if not is_finite(b, metric) else baseline
+    return {"against": baseline.name, "verdict": s.UNDECIDED,
+            "note": f"{metric} of {odd.name} is {why_not_finite(run.errors[odd.name]['seeds'][metric])}"}
 
 
 def error_interval(errors: Sequence[float], floor: float) -> s.Interval:
@@ -755,6 +779,9 @@ def print_summary(study: Study, rows: list[dict], restless: dict[str, list[str]]
             for quantity in ("frame", *study.metrics):
                 row = own.get(quantity, {})
                 if row.get("verdict"):
+                    if "difference" not in row:
+                        print(f"      {quantity}: {row['verdict']} against {row['against']} ({row['note']})")
+                        continue
                     scale = "" if quantity == "frame" else f" {row['unit']}" if row["unit"] != "1" else ""
                     print(f"      {quantity}: {row['verdict']} than {row['against']}" if row["verdict"] in (s.BETTER, s.WORSE)
                           else f"      {quantity}: {row['verdict']} against {row['against']}", end="")

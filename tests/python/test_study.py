@@ -159,6 +159,40 @@ def test_ladders_are_climbed_together():
 
 # ---- Running ----
 
+def measured_run(study, errors):
+    """What rows_of() reads of a run whose errors are known."""
+    found = {name: {"seeds": {"psnr": seeds}, "parts": {"psnr": []}, "is_random": False} for name, seeds in errors.items()}
+    return argparse.Namespace(study=study, scene=study.scenes[0], state={p.name: ("ok", "") for p in study.points}, rounds=[],
+                              warm={}, measured={}, errors=found, foreign=None)
+
+
+@pytest.mark.parametrize(("few", "one", "four", "verdicts", "note"), [
+    (np.inf, 30.0, np.inf, ["undecided", "no difference seen"], "psnr of few is infinite: equal images"),
+    (30.0, np.inf, 31.0, ["undecided", "better"], "psnr of rays samples=1 is infinite: equal images"),
+    (np.nan, 30.0, 31.0, ["undecided", "undecided"], "psnr of few is not a number"),
+])
+def test_an_error_without_a_number_is_told_and_ends_nothing(host, tmp_path, capsys, few, one, four, verdicts, note):
+    study = definition.read(host, written(tmp_path, SMALL.replace('["rmse", "ssim"]', '["psnr"]')))
+    rows, restless = study_run.rows_of(
+        measured_run(study, {"few": [few], "rays samples=1": [one], "rays samples=4": [four]}))
+    own = {row["variant"] + row["knobs"]: row for row in rows if row["quantity"] == "psnr"}
+    assert [own[name]["verdict"] for name in ("rayssamples=1", "rayssamples=4")] == verdicts
+    assert own["rayssamples=1"]["note"] == note
+    assert study_run.gate(rows) == 2
+    frames = [rows[i] | {"quantity": "frame", "verdict": ""} for i in range(len(rows))]
+    study_run.print_summary(study, frames + rows, {})
+    assert f"psnr: undecided against few ({note})" in capsys.readouterr().out
+    study_run.write_table(tmp_path, study_run.finite(rows), {})
+
+
+def test_a_first_variant_that_equals_the_reference_leaves_all_results(tmp_path):
+    text = SMALL.replace('["rmse", "ssim"]', '["psnr"]').replace("samples = [1, 4]", "samples = [1]")
+    text = text[:text.index("[reference]")] + '[reference]\ntechnique = "gtao"\nset = ["ao.params.steps=2"]\n'
+    assert run(tmp_path, text, gate=True) in (1, 2)  # times may say "worse"; the error cannot
+    rows = {row["variant"]: row for row in table(tmp_path) if row["quantity"] == "psnr"}
+    assert rows["few"]["note"] == "infinite: equal images" and not rows["few"]["value"]
+    assert rows["rays"]["verdict"] == s.UNDECIDED and float(rows["rays"]["value"]) > 0
+
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
