@@ -77,7 +77,7 @@ class Study:
 
 # What a table may hold: the types of its values, in words for errors.
 TEXT, NUMBER, WHOLE, TEXTS, NUMBERS, TABLE, TABLES, ANY = (
-    "a text", "a number", "a whole number", "a list of texts", "a list of numbers", "a table", "tables", "anything")
+    "a text", "a finite number", "a whole number", "a list of texts", "a list of finite numbers", "a table", "tables", "anything")
 STUDY_KEYS = {
     "title": TEXT, "graph": TEXT, "set": TEXTS, "role": TEXT, "pass": TEXT, "port": TEXT, "metrics": TEXTS, "rounds": WHOLE,
     "frames": WHOLE, "settle": WHOLE, "resolution": NUMBER, "error_resolution": NUMBER, "budget_minutes": NUMBER,
@@ -164,14 +164,18 @@ class Reader:
 
 
 def is_of(value: Any, kind: str) -> bool:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
     return {
-        TEXT: isinstance(value, str), NUMBER: number, WHOLE: number and isinstance(value, int),
+        TEXT: isinstance(value, str), NUMBER: is_number(value), WHOLE: is_number(value) and isinstance(value, int),
         TEXTS: isinstance(value, list) and all(isinstance(each, str) for each in value),
-        NUMBERS: isinstance(value, list) and all(isinstance(e, (int, float)) and not isinstance(e, bool) for e in value),
+        NUMBERS: isinstance(value, list) and all(map(is_number, value)),
         TABLE: isinstance(value, dict), TABLES: isinstance(value, list) and all(isinstance(each, dict) for each in value),
         ANY: True,
     }[kind]
+
+
+def is_number(value: Any) -> bool:
+    """Of TOML, whose numbers may be nan, inf, and whole ones beyond all floats."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and -1e300 < value < 1e300
 
 
 def read(host: Host, file: str) -> Study:

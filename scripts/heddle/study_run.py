@@ -24,6 +24,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -32,7 +33,7 @@ import numpy as np
 from . import Error, Host, compare, metrics, version
 from . import statistics as s
 from . import study as definition
-from ._library import find
+from ._library import CANCELLED, find
 from .study import Point, SceneChoice, Study
 
 WARM_FRAMES = 10  # the fewest that tell whether frames are still changing
@@ -695,7 +696,28 @@ def finite(rows: list[dict]) -> list[dict]:
 
 # ---- The command ----
 
+UNGATED = 4  # the status of a gate that came to no verdicts
+
+
 def run_study(options: argparse.Namespace, stop: Callable[[], None]) -> int:
+    """Answers the exit status. raises: Error; of a gate never with a status that is a verdict's"""
+    try:
+        return measure(options, stop)
+    except Error as error:
+        if options.gate and error.status != CANCELLED:
+            raise Error(UNGATED, str(error)) from error
+        raise
+    except OSError as error:  # a disk that is full, a folder that may not be written
+        raise Error(UNGATED, f"error: the study's files cannot be written or read: {error}\n  help:     what was measured "
+                             "before is kept; the same command goes on from there") from error
+    except Exception:
+        if not options.gate:
+            raise
+        traceback.print_exc()  # Python's own status would be "worse"
+        return UNGATED
+
+
+def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
     def say(text: str) -> None:
         if not options.quiet:
             print(text, file=sys.stderr, flush=True)
@@ -721,8 +743,12 @@ def run_study(options: argparse.Namespace, stop: Callable[[], None]) -> int:
         for point in study.points:
             print(f"{point.name}: {' '.join(point.settings)}")
         return 0
-    folder.mkdir(parents=True, exist_ok=True)
-    store, contents = Store(folder), Contents()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        store, contents = Store(folder), Contents()
+    except OSError as error:
+        raise Error(UNGATED, f"error: the folder '{folder}' for the results cannot be made: {error.strerror}\n"
+                             "  help:     --folder says where they go") from error
     rows: list[dict] = []
     restless: dict[str, list[str]] = {}
     begun = time.monotonic()
@@ -757,6 +783,7 @@ def run_study(options: argparse.Namespace, stop: Callable[[], None]) -> int:
 
 
 def gate(rows: list[dict]) -> int:
+    """0, 1 "worse" or lost, 2 "undecided"."""
     verdicts = {row.get("verdict") for row in rows}
     if s.WORSE in verdicts or any(row["state"] != "ok" for row in rows):
         return 1

@@ -90,6 +90,10 @@ def lock_of_our_own(tmp_path_factory):
     ('metrics = ["rmse", "ssim"]', 'metrics = ["rsme"]', "5:1", "there is no metric 'rsme'"),
     ('"cornell_box.py"', '"cornel_box.py"', "9:1", "there is no scene 'cornel_box.py'"),
     ("rounds = 7", "round = 7", "6:1", "there is no key 'round'"),
+    ("rounds = 7", "exposures = [-4, 4, inf]", "6:1", "'exposures' is a list of finite numbers\n  found:    exposures = [-4, 4, inf]"),
+    ("rounds = 7", "exposures = [nan, 4, 2]", "6:1", "'exposures' is a list of finite numbers"),
+    ("rounds = 7", "resolution = nan", "6:1", "'resolution' is a finite number"),
+    ("rounds = 7", "rounds = 1" + 400 * "0", "6:1", "'rounds' is a whole number"),
     ("rounds = 7", "rounds = 3", "6:1", "'rounds' is out of range\n  found:    3\n  expected: 7 to 1000"),
     ("rounds = 7", 'rounds = "7"', "6:1", "'rounds' is a whole number\n  found:    rounds = '7'"),
     ('name = "rays"', 'name = "few"', "16:1", "two variants are called 'few'"),
@@ -369,6 +373,31 @@ def stopped():
 def test_a_gate_is_for_what_is_worse(verdicts, states, status):
     rows = [{"verdict": verdict, "state": "ok"} for verdict in verdicts] + [{"state": state} for state in states]
     assert study_run.gate(rows) == status
+
+
+@pytest.mark.parametrize(("words", "status", "said"), [
+    (["--gtae"], 2, "unrecognized arguments: --gtae"), (["--gate", "--rounds", "x"], 4, "invalid int value"),
+    (["--gate", "--rounds", "3"], 4, "error: --rounds 3"), (["--rounds", "3"], 2, "error: --rounds 3"),
+    (["--folder", "/proc/nope"], 4, "error: the folder '/proc/nope' for the results cannot be made"),
+    (["--gate", "--folder", "/proc/nope"], 4, "error: the folder '/proc/nope'")])
+def test_no_error_is_taken_for_a_verdict(command, tmp_path, words, status, said):
+    done = subprocess.run([command, "study", "-q", written(tmp_path, SMALL), *words], capture_output=True, text=True)
+    assert done.returncode == status and said in done.stderr and "Traceback" not in done.stderr
+
+
+def test_what_nobody_foresaw_is_no_verdict(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(definition, "read", lambda *_: 1 // 0)
+    assert run(tmp_path, gate=True) == 4
+    assert "ZeroDivisionError" in capsys.readouterr().err
+    with pytest.raises(ZeroDivisionError):
+        run(tmp_path)
+
+
+def test_a_full_disk_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(study_run.Store, "put", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(heddle.Error, match="files cannot be written or read: .*No space left") as raised:
+        run(tmp_path)
+    assert raised.value.status == 4
 
 
 def test_the_command_studies(command, tmp_path):
