@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from . import Error, Host, metrics
-from .__main__ import scene_path
+from .__main__ import load_scene, scene_path
 
 
 @dataclasses.dataclass(frozen=True)
@@ -125,6 +125,7 @@ class Reader:
     def __init__(self, host: Host, places: Places, folder: pathlib.Path):
         self.host, self.places, self.folder = host, places, folder
         self.errors: list[str] = []
+        self._cameras: dict[tuple[str, ...], list[str] | None] = {}
         listed = host.list()
         self.roles = {role["name"]: role for role in listed["roles"]}
         self.techniques = {(each["role"], each["name"]): each for each in listed["techniques"]}
@@ -156,6 +157,21 @@ class Reader:
             self.fail((key,), f"'{key}' is out of range", found=f"{value}", expected=f"{low:g} to {high:g}")
             return default
         return value
+
+    def cameras(self, path: tuple, file: str, overlays: tuple[str, ...]) -> list[str] | None:
+        """Of a scene, which must be loaded for that; None and a mistake at `path` if it cannot be."""
+        key = (file, *overlays)
+        if key not in self._cameras:
+            self._cameras[key] = None
+            try:
+                with self.host.scene() as scene:
+                    load_scene(scene, file)
+                    for overlay in overlays:
+                        scene.load(overlay)
+                    self._cameras[key] = scene.describe().get("cameras", [])
+            except Error as error:
+                self.fail(path, "the scene cannot be loaded:\n    " + str(error).replace("\n", "\n    "))
+        return self._cameras[key]
 
     def file(self, name: str) -> str:
         """A path from the study's folder if it is there, else as it is: the name of a shipped graph or scene."""
@@ -219,20 +235,25 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
     passes = {each["name"]: each for each in described.get("passes", [])}
     role, pass_name = choose_pass(reader, table, passes)
     port, measure_metric = choose_port(reader, table, role, pass_name, described)
-    known = [each["name"] for each in metrics()]
+    known = [each["name"] for each in metrics() if each["name"] != "percentile_P"]
     wanted = tuple(table.get("metrics", [measure_metric or "rmse"]))
     if not wanted:
         reader.fail(("metrics",), "'metrics' is empty", expected="at least one, the first for the chart")
     for i, metric in enumerate(wanted):
-        if metric not in known and not re.fullmatch(r"percentile_\d+(\.\d+)?", metric):
+        percentile = re.fullmatch(r"percentile_(\d+(?:\.\d+)?)", metric)
+        if percentile and not 0 < float(percentile[1]) <= 100:
+            reader.fail(("metrics",), f"'{metric}' is no percentile", expected="a number above 0, at most 100")
+        elif not percentile and metric not in known:
             reader.unknown(("metrics",), "metric", metric, known)
         if metric in wanted[:i]:
             reader.fail(("metrics",), f"metric '{metric}' is there twice")
     exposures = None
     if "exposures" in table:
         given = table["exposures"]
-        if len(given) != 3 or given[0] > given[1] or int(given[2]) != given[2] or given[2] < 1:
-            reader.fail(("exposures",), "'exposures' are start, stop and count", found=f"{given}", expected="[-4, 4, 5]")
+        if (len(given) != 3 or not -100 <= given[0] <= given[1] <= 100 or int(given[2]) != given[2]
+                or not 1 <= given[2] <= 1000 or (given[2] == 1 and given[0] != given[1])):
+            reader.fail(("exposures",), "'exposures' are start, stop and count", found=f"{given}",
+                        expected="-100 <= start <= stop <= 100, and 1 to 1000 of them, one only where start is stop: [-4, 4, 5]")
         else:
             exposures = (float(given[0]), float(given[1]), int(given[2]))
     tone_mapper = table.get("tone_mapper", "aces")
@@ -302,8 +323,13 @@ def choose_port(reader: Reader, table: Mapping[str, Any], role: str | None, pass
     return f"{pass_name}.{measure['port']}" if pass_name else None, measure.get("metric")
 
 
+def slug(text: str) -> str:
+    return "".join(letter if letter.isalnum() else "_" for letter in text)
+
+
 def read_scenes(reader: Reader, tables: list[dict]) -> tuple[SceneChoice, ...]:
     scenes: list[SceneChoice] = []
+    known: dict[str, SceneChoice] = {}
     if not tables:
         reader.fail(("scene",), "a study needs a scene", expected="[[scene]] with file = \"atrium.py\"")
     for i, given in enumerate(tables):
@@ -326,11 +352,28 @@ def read_scenes(reader: Reader, tables: list[dict]) -> tuple[SceneChoice, ...]:
         for overlay in overlays:
             if not pathlib.Path(overlay).exists():
                 reader.fail(("scene", i, "overlays"), f"there is no overlay '{overlay}'")
+        if not all(pathlib.Path(overlay).exists() for overlay in overlays):
+            continue
         cameras = table.get("cameras", [table.get("camera")])
         times = table.get("times", [table.get("time", 0.0)])
-        where = reader.places.where(("scene", i, "cameras" if "cameras" in table else "camera"))
-        scenes += [SceneChoice(file, camera, float(time), overlays, where)
-                   for camera, time in itertools.product(cameras, times)]
+        place = ("scene", i, "cameras" if "cameras" in table else "camera")
+        if any(camera is not None for camera in cameras):
+            there = reader.cameras(("scene", i, "file"), file, overlays)
+            for camera in cameras:
+                if there is not None and camera is not None and camera not in there:
+                    reader.unknown(place, f"camera of scene '{table['file']}'", camera, there or ["none: it has no cameras"])
+        for camera, time in itertools.product(cameras, times):
+            scene = SceneChoice(file, camera, float(time), overlays, reader.places.where(place))
+            # Rows and the reference's file are found by it.
+            other = known.setdefault(slug(scene.name), scene)
+            if other is not scene:
+                is_same = (file, camera, time, overlays) == (other.file, other.camera, other.time, other.overlays)
+                reader.fail(("scene", i), f"scene '{scene.name}' is there twice" if is_same else
+                            f"two scenes are called '{scene.name}', and would share their rows and their reference's file",
+                            found=" and ".join(dict.fromkeys([" ".join([other.file, *other.overlays]),
+                                                              " ".join([file, *overlays])])),
+                            help="" if is_same else "scenes are told apart by file name, overlays, camera and time")
+            scenes.append(scene)
     return tuple(scenes)
 
 
@@ -347,6 +390,9 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
         if name is None:
             reader.fail(path, "a variant has a name")
             continue
+        if not name.strip() or name.startswith("("):
+            reader.fail((*path, "name"), "a variant's name is empty or begins with a parenthesis", found=f"name = {name!r}",
+                        expected="a word or more; (...) are the study's own")
         if name in names:
             reader.fail((*path, "name"), f"two variants are called '{name}'")
         names.append(name)
@@ -362,12 +408,19 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
             reader.fail((*path, "knobs"), "of which pass are these the knobs?",
                         expected="'role' or 'pass' at the top, and the pass in the variant's graph")
         ladders = read_knobs(reader, path, table.get("knobs"), role, present)
-        for rung in rungs(ladders):
+        climbed = rungs(ladders)
+        if rung := next((rung for j, rung in enumerate(climbed) if rung in climbed[:j]), None):
+            reader.fail((*path, "knobs"), "two points have the same values of all knobs",
+                        found=" ".join(f"{knob}={value}" for knob, value in rung))
+        for rung in climbed:
             everything = (*own, *[f"{pass_name}.params.{knob}={toml(value)}" for knob, value in rung])
             # A value of a file's own ladder may be out of range; one such mistake is enough.
             if rung and not reader.errors:
                 load(reader, (*path, "knobs"), own_graph, everything)
-            points.append(Point(name, own_graph, everything, rung))
+            point = Point(name, own_graph, everything, rung)
+            if any(point.name == each.name and each.variant != name for each in points):
+                reader.fail((*path, "name"), f"a point of another variant is called '{point.name}' as well")
+            points.append(point)
     return tuple(points)
 
 

@@ -34,7 +34,7 @@ from . import Error, Host, compare, metrics, version
 from . import statistics as s
 from . import study as definition
 from ._library import CANCELLED, find
-from .study import Point, SceneChoice, Study
+from .study import Point, SceneChoice, Study, slug
 
 WARM_FRAMES = 10  # the fewest that tell whether frames are still changing
 PROFILED_FRAMES = 7
@@ -529,10 +529,6 @@ class SceneRun:
 
     def own_seconds(self) -> float:
         return sum(used_seconds(pid) for pid in [os.getpid(), *[w.process.pid for w in self.workers.values()]])
-
-
-def slug(text: str) -> str:
-    return "".join(letter if letter.isalnum() else "_" for letter in text)
 
 
 def duration(seconds: float) -> str:

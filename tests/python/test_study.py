@@ -94,6 +94,20 @@ def lock_of_our_own(tmp_path_factory):
     ("rounds = 7", "exposures = [nan, 4, 2]", "6:1", "'exposures' is a list of finite numbers"),
     ("rounds = 7", "resolution = nan", "6:1", "'resolution' is a finite number"),
     ("rounds = 7", "rounds = 1" + 400 * "0", "6:1", "'rounds' is a whole number"),
+    ("rounds = 7", "exposures = [-400, 4, 5]", "6:1", "'exposures' are start, stop and count\n  found:    [-400, 4, 5]"),
+    ("rounds = 7", "exposures = [-4, 4, 1]", "6:1", "'exposures' are start, stop and count"),
+    ("rounds = 7", "exposures = [-4, 4, 1001]", "6:1", "'exposures' are start, stop and count"),
+    ('metrics = ["rmse", "ssim"]', 'metrics = ["percentile_200"]', "5:1", "'percentile_200' is no percentile"),
+    ('metrics = ["rmse", "ssim"]', 'metrics = ["percentile_0"]', "5:1", "'percentile_0' is no percentile"),
+    ('metrics = ["rmse", "ssim"]', 'metrics = ["percentile_P"]', "5:1", "there is no metric 'percentile_P'"),
+    ('camera = "front"', 'camera = "nix"', "10:1", "there is no camera of scene 'cornell_box.py' 'nix'\n  expected: one of front"),
+    ('camera = "front"', 'cameras = ["front", "front"]', "8:3", "scene 'cornell_box front' is there twice"),
+    ('camera = "front"', 'camera = "front"\n[[scene]]\nfile = "cornell_box.py"\ncamera = "front"', "11:3",
+     "scene 'cornell_box front' is there twice"),
+    ('name = "rays"', 'name = ""', "16:1", "a variant's name is empty"),
+    ('name = "rays"', 'name = "(reference)"', "16:1", "a variant's name is empty or begins with a parenthesis"),
+    ('name = "few"', 'name = "rays samples=1"', "16:1", "a point of another variant is called 'rays samples=1' as well"),
+    ("{ samples = [1, 4] }", "{ samples = [2, 2] }", "18:1", "two points have the same values of all knobs\n  found:    samples=2"),
     ("rounds = 7", "rounds = 3", "6:1", "'rounds' is out of range\n  found:    3\n  expected: 7 to 1000"),
     ("rounds = 7", 'rounds = "7"', "6:1", "'rounds' is a whole number\n  found:    rounds = '7'"),
     ('name = "rays"', 'name = "few"', "16:1", "two variants are called 'few'"),
@@ -118,6 +132,24 @@ def test_mistakes_are_said_at_their_lines(host, tmp_path, before, after, place, 
 def test_all_mistakes_are_said_at_once(host, tmp_path):
     text = SMALL.replace("rounds = 7", "round = 7").replace('"gtao"', '"gtoa"').replace('"ssim"', '"sim"')
     assert len(re.findall(r"^/small.toml:\d+:\d+: error:", refusal(host, tmp_path, text), re.M)) == 3
+
+
+def test_two_scenes_of_one_name_are_told_apart_or_refused(host, tmp_path, root):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "box.py").write_text((root / "scripts" / "scenes" / "cornell_box.py").read_text())
+    text = SMALL.replace('"cornell_box.py"', '"a/box.py"').replace(
+        "[[variant]]", '[[scene]]\nfile = "b/box.py"\ncamera = "front"\n[[variant]]', 1)
+    assert (":11:3: error: two scenes are called 'box front', and would share their rows and their reference's file\n"
+            "  found:    /a/box.py and /b/box.py") in refusal(host, tmp_path, text)
+    text = text.replace('"b/box.py"', '"b/box.py"\ntime = 1')
+    assert len(definition.read(host, written(tmp_path, text)).scenes) == 2
+
+
+def test_a_scene_that_cannot_be_loaded_is_said_at_its_line(host, tmp_path):
+    (tmp_path / "broken.py").write_text("def build(scene):\n    1 // 0\n")
+    text = refusal(host, tmp_path, SMALL.replace("cornell_box.py", "broken.py"))
+    assert ":9:1: error: the scene cannot be loaded:" in text and "division" in text
 
 
 def test_a_study_without_scenes_or_variants_is_none(host, tmp_path):
@@ -327,10 +359,14 @@ def test_a_lost_variant_is_told_while_the_others_finish(tmp_path, monkeypatch, n
     assert not any(study_run.used_seconds(pid) for pid in set(seen))  # nobody stays behind
 
 
-def test_a_camera_that_is_not_there_is_said_at_its_line(tmp_path):
-    with pytest.raises(heddle.Error, match=r"small.toml:10:1: error: nothing of scene 'cornell_box frnt' can be rendered\n"
-                                           r"    the scene has no camera 'frnt'\n      expected: one of front"):
-        run(tmp_path, SMALL.replace('"front"', '"frnt"'))
+def test_a_scene_of_which_nothing_can_be_rendered_is_said_at_its_line(tmp_path, monkeypatch):
+    def refusing(self, do, **arguments):
+        raise study_run.Lost("failed", "it is gone\n  help: none")
+
+    monkeypatch.setattr(study_run.Worker, "ask", refusing)
+    with pytest.raises(heddle.Error, match=r"small.toml:10:1: error: nothing of scene 'cornell_box front' can be rendered\n"
+                                           r"    it is gone\n      help: none"):
+        run(tmp_path)
 
 
 def test_a_study_beyond_its_budget_says_so_before_it_times_anything(tmp_path):
