@@ -256,7 +256,8 @@ class SceneRun:
         self.measured: dict[str, dict] = {}  # profile() of points
         self.errors: dict[str, dict[str, dict]] = {}
         self.rounds: list[dict] = []
-        self.foreign: float | None = None
+        self.foreign: float | None = None  # share of the processors that other programs used while rounds were timed
+        self.changing: dict[str, int] = {}  # frames of the warm-up of points that were still changing after them
 
     def close(self) -> None:
         for worker in self.workers.values():
@@ -499,13 +500,15 @@ class SceneRun:
         if len(self.finished_rounds()) < self.study.rounds and AGAIN not in self.workers and points:
             self.guard(points[0], lambda: self.load(points[0], AGAIN))
             self.guard(points[0], lambda: self.warm_point(points[0], AGAIN))
-        begun, busy, own = time.monotonic(), busy_seconds(), self.own_seconds()
         while self.alive() and len(self.finished_rounds()) < self.study.rounds:
             self.time_round()
-        passed = (time.monotonic() - begun) * (os.cpu_count() or 1)
-        if passed > 1:
-            self.foreign = max(0.0, ((busy_seconds() - busy) - (self.own_seconds() - own)) / passed)
         self.rounds = self.store.lines(self.times_key())
+        # Of all rounds, whichever run took them.
+        others, passed = (sum(each["others"][i] for each in self.rounds if "others" in each) for i in (0, 1))
+        if passed > 1:
+            self.foreign = max(0.0, others / passed)
+        for each in self.rounds:
+            self.changing |= each.get("changing", {})
 
     def time_round(self) -> None:
         """One round, kept if nobody is lost in it."""
@@ -514,6 +517,7 @@ class SceneRun:
         number = len(self.store.lines(self.times_key()))
         order = s.turns(list(by_name), 1, self.study.seed + number)[0]
         times = []
+        begun, busy, own = time.monotonic(), busy_seconds(), self.own_seconds()
         for name in order:
             owner, point = by_name[name]
             # The first frame of a turn finds caches that others have filled, and does not count.
@@ -522,7 +526,11 @@ class SceneRun:
             if answer is None:
                 return
             times.append(answer["ms"][1:])
-        self.store.append(self.times_key(), {"round": number, "order": order, "ms": times})
+        # Seconds of processors: used by other programs, and all that there were.
+        others = [(busy_seconds() - busy) - (self.own_seconds() - own), (time.monotonic() - begun) * (os.cpu_count() or 1)]
+        changing = {name: warm["frames"] for name, warm in self.warm.items() if warm["warm_after"] is None}
+        self.store.append(self.times_key(), {"round": number, "order": order, "ms": times, "others": others,
+                                             "changing": changing})
         done = len(self.finished_rounds())
         if done in (1, self.study.rounds) or done % 5 == 0:
             self.say(f"{self.scene.name}: round {done} of {self.study.rounds}")
@@ -588,8 +596,8 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
                 restless = s.unrest(frames, floor, math.log1p(study.resolution), run.foreign)
                 row(point, "frame noise floor", "log ratio", s.difference(again), len(again),
                     formula="the same variant against itself, in another process")
-        if run.warm.get(point.name, {}).get("warm_after", 0) is None:
-            restless.append(f"frames of {point.name} were still changing after {run.warm[point.name]['frames']} of them")
+        if point.name in run.changing:
+            restless.append(f"frames of {point.name} were still changing after {run.changing[point.name]} of them")
         if found := run.measured.get(point.name):
             for name, times in found["passes"].items():
                 row(point, f"pass {name}", "ms", s.median(times), len(times), formula="submitted and waited for stage by stage")

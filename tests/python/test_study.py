@@ -199,7 +199,7 @@ def measured_run(study, errors):
     """What rows_of() reads of a run whose errors are known."""
     found = {name: {"seeds": {"psnr": seeds}, "parts": {"psnr": []}, "is_random": False} for name, seeds in errors.items()}
     return argparse.Namespace(study=study, scene=study.scenes[0], state={p.name: ("ok", "") for p in study.points}, rounds=[],
-                              warm={}, measured={}, errors=found, foreign=None)
+                              changing={}, measured={}, errors=found, foreign=None)
 
 
 @pytest.mark.parametrize(("few", "one", "four", "verdicts", "note"), [
@@ -334,6 +334,24 @@ def test_an_interrupted_study_goes_on(tmp_path, monkeypatch):
     assert run(tmp_path) == 0
     kept = [json.loads(line) for line in times.read_text().splitlines()]
     assert kept[:3] == rounds[:3] and len(kept) == 7 and [each["round"] for each in kept] == list(range(7))
+
+
+def test_a_study_that_goes_on_keeps_its_warnings(tmp_path, monkeypatch):
+    # Many processors that others keep busy: each look finds an hour more of each, of which none are the study's.
+    looks = iter(range(10**6))
+    monkeypatch.setattr(os, "cpu_count", lambda: 1000)
+    monkeypatch.setattr(study_run, "busy_seconds", lambda: 1000 * 3600.0 * next(looks))
+    monkeypatch.setattr(s, "warm_up", lambda *_: None)
+    assert run(tmp_path) == 0
+    before = json.loads((tmp_path / "out" / "results.json").read_text())["restless"]["cornell_box front"]
+    monkeypatch.undo()
+    monkeypatch.setattr(study_run, "LOCK", tmp_path / "lock")
+    monkeypatch.setattr(os, "cpu_count", lambda: 1000)
+    monkeypatch.setattr(study_run, "busy_seconds", lambda: 0.0)
+    assert run(tmp_path) == 0
+    assert json.loads((tmp_path / "out" / "results.json").read_text())["restless"]["cornell_box front"] == before
+    assert any("other programs used" in text for text in before)
+    assert sum("still changing" in text for text in before) == 3
 
 
 @pytest.mark.parametrize(("number", "timeout", "state"), [(signal.SIGKILL, 60.0, "crashed"), (signal.SIGSTOP, 8.0, "hung")])
