@@ -125,6 +125,7 @@ class Reader:
     def __init__(self, host: Host, places: Places, folder: pathlib.Path):
         self.host, self.places, self.folder = host, places, folder
         self.errors: list[str] = []
+        self.is_pass_known = True  # else that was said, and is not said again of each variant
         self._cameras: dict[tuple[str, ...], list[str] | None] = {}
         listed = host.list()
         self.roles = {role["name"]: role for role in listed["roles"]}
@@ -233,7 +234,9 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
     settings = tuple(table.get("set", []))
     described = load(reader, ("graph",) if "graph" in table else ("set",), graph, settings)
     passes = {each["name"]: each for each in described.get("passes", [])}
+    before = len(reader.errors)
     role, pass_name = choose_pass(reader, table, passes)
+    reader.is_pass_known = bool(described) and len(reader.errors) == before
     port, measure_metric = choose_port(reader, table, role, pass_name, described)
     known = [each["name"] for each in metrics() if each["name"] != "percentile_P"]
     wanted = tuple(table.get("metrics", [measure_metric or "rmse"]))
@@ -400,11 +403,18 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
         own = (*settings, *swapped, *table.get("set", []))
         own_graph = reader.file(table["graph"]) if "graph" in table else graph
         place = next(((*path, key) for key in ("set", "graph", "technique") if key in table), path)
-        described = load(reader, place, own_graph, own)
+        # Settings of a technique that could not be put into its pass would be wrong for the one that is there.
+        is_swapped = reader.is_pass_known or ("technique" not in table and "graph" in table)
+        described = load(reader, place, own_graph, own) if is_swapped else {}
         if described and port is not None and port not in [each["name"] for each in described["ports"]]:
+            if table.get("technique") == "none" and port.startswith(f"{pass_name}."):
+                reader.fail((*path, "technique"), f"without pass '{pass_name}' there is no '{port}', the image that is compared",
+                            found="technique = \"none\"", expected="a technique, or a port of a pass that stays",
+                            help="port = \"display.color\" at the top, for instance, compares what the pass does to the picture")
+                continue
             reader.fail(place, f"the variant's graph has no port '{port}', which is compared")
         present = next((each for each in described.get("passes", []) if each["name"] == pass_name), None)
-        if described and present is None and "knobs" in table:
+        if described and present is None and "knobs" in table and reader.is_pass_known:
             reader.fail((*path, "knobs"), "of which pass are these the knobs?",
                         expected="'role' or 'pass' at the top, and the pass in the variant's graph")
         ladders = read_knobs(reader, path, table.get("knobs"), role, present)
@@ -429,7 +439,7 @@ def swap(reader: Reader, path: tuple, table: Mapping[str, Any], role: str | None
     if "technique" not in table:
         return ()
     if pass_name is None:
-        if role is None:
+        if role is None and reader.is_pass_known:
             reader.fail((*path, "technique"), "of which pass is that a technique?", expected="'role' or 'pass' at the top")
         return ()
     own = [name for of, name in reader.techniques if of == role]
@@ -497,7 +507,7 @@ def read_reference(reader: Reader, given: dict | None, graph: str, settings: tup
         references = reader.roles[role].get("references") or {} if role is not None else {}
         stated = references.get("same_model") or references.get("physical")
         if stated is None or pass_name is None:
-            if not reader.errors:
+            if reader.is_pass_known and not reader.errors:
                 reader.fail(("reference",), "nothing says what is true", expected="[reference] with technique, graph or set")
             return None
         technique = stated["technique"].split("/")[-1]
@@ -506,7 +516,8 @@ def read_reference(reader: Reader, given: dict | None, graph: str, settings: tup
         last = {each["name"]: rung_values(each)[-1] for each in known["parameters"] if each["ladder"]} if known else {}
         named += tuple(f"{pass_name}.params.{key}={value}" for key, value in (last | stated["params"]).items())
     everything = (*settings, *named, *table.get("set", []))
-    load(reader, ("reference", "set") if "set" in table else ("reference",), own_graph, everything)
+    if reader.is_pass_known or ("technique" not in table and "graph" in table):
+        load(reader, ("reference", "set") if "set" in table else ("reference",), own_graph, everything)
     parts = table.get("parts", 8)
     if not 1 <= parts <= 1000:
         reader.fail(("reference", "parts"), "'parts' is out of range", found=f"{parts}", expected="1 to 1000")

@@ -108,6 +108,8 @@ def lock_of_our_own(tmp_path_factory):
     ('name = "rays"', 'name = "(reference)"', "16:1", "a variant's name is empty or begins with a parenthesis"),
     ('name = "few"', 'name = "rays samples=1"', "16:1", "a point of another variant is called 'rays samples=1' as well"),
     ("{ samples = [1, 4] }", "{ samples = [2, 2] }", "18:1", "two points have the same values of all knobs\n  found:    samples=2"),
+    ('technique = "gtao"\nset = ["ao.params.steps=2"]', 'technique = "none"', "13:1",
+     "without pass 'ao' there is no 'ao.visibility', the image that is compared\n  found:    technique = \"none\""),
     ("rounds = 7", "rounds = 3", "6:1", "'rounds' is out of range\n  found:    3\n  expected: 7 to 1000"),
     ("rounds = 7", 'rounds = "7"', "6:1", "'rounds' is a whole number\n  found:    rounds = '7'"),
     ('name = "rays"', 'name = "few"', "16:1", "two variants are called 'few'"),
@@ -132,6 +134,22 @@ def test_mistakes_are_said_at_their_lines(host, tmp_path, before, after, place, 
 def test_all_mistakes_are_said_at_once(host, tmp_path):
     text = SMALL.replace("rounds = 7", "round = 7").replace('"gtao"', '"gtoa"').replace('"ssim"', '"sim"')
     assert len(re.findall(r"^/small.toml:\d+:\d+: error:", refusal(host, tmp_path, text), re.M)) == 3
+
+
+def test_a_variant_without_the_pass_is_one_where_its_port_stays(host, tmp_path):
+    text = SMALL.replace('technique = "gtao"\nset = ["ao.params.steps=2"]', 'technique = "none"')
+    study = definition.read(host, written(tmp_path, 'port = "display.color"\n' + text))
+    assert study.points[0].settings == ("extent=[32,18]", "ao.technique=none")
+
+
+def test_a_mistake_is_not_followed_by_others_that_it_makes(host, tmp_path):
+    with pytest.raises(heddle.Error) as raised:
+        definition.of_role(host, "shadow", ["cornell_box.py"], [])
+    errors = re.findall(r"error: (.*)", str(raised.value))
+    assert len(errors) == 2 and "passes of role 'shadow'" in errors[0] and "is no image" in errors[1]
+    text = refusal(host, tmp_path, SMALL.replace('role = "ambient_occlusion"', 'role = "ambient"'))
+    assert len(re.findall("error:", text)) == 1
+    assert len(re.findall(r"^/small.toml", refusal(host, tmp_path, SMALL.replace('"studio"', '"stduio"')), re.M)) == 1
 
 
 def test_two_scenes_of_one_name_are_told_apart_or_refused(host, tmp_path, root):
