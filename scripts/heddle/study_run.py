@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import csv
+import errno
 import fcntl
 import hashlib
 import io
@@ -39,8 +40,9 @@ from .study import Point, SceneChoice, Study, slug
 WARM_FRAMES = 10  # the fewest that tell whether frames are still changing
 PROFILED_FRAMES = 7
 SEEDS = 8  # images of a technique that is random
-# One for the machine.
-LOCK = pathlib.Path(tempfile.gettempdir()) / "heddle-study.lock"
+# One for the machine, not for the user, whose TMPDIR may be another; the second where the first cannot be opened.
+LOCK = pathlib.Path("/tmp/heddle-study.lock")
+OWN_LOCK = pathlib.Path(tempfile.gettempdir()) / f"heddle-study-{os.getuid()}.lock"
 # Workers that are no variant's.
 AGAIN, REFERENCE = "(the first again)", "(reference)"
 
@@ -214,12 +216,34 @@ def used_seconds(process: int) -> float:
     return 0.0
 
 
+def open_lock(path: pathlib.Path) -> int:
+    """A descriptor of a file that is made if it is not there. A file of another user is opened to be read, which is enough
+    for a lock: Linux refuses O_CREAT of such a file in /tmp (fs.protected_regular). raises: OSError"""
+    flags = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK  # neither a link elsewhere nor a pipe that nobody writes
+    for _ in range(10):
+        with contextlib.suppress(FileNotFoundError):
+            return os.open(path, os.O_RDONLY | flags)
+        with contextlib.suppress(FileExistsError):  # another study was faster
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | flags, 0o644)
+            with contextlib.suppress(OSError):
+                os.fchmod(descriptor, 0o644)  # whatever the umask: other users' studies wait too
+            return descriptor
+    raise OSError(errno.EAGAIN, "it comes and goes")
+
+
 @contextlib.contextmanager
 def timing_alone(say: Callable[[str], None], stop: Callable[[], None]) -> Iterator[None]:
     """One study times on a machine at once."""
-    descriptor = os.open(LOCK, os.O_RDWR | os.O_CREAT, 0o666)
-    with contextlib.suppress(OSError):
-        os.chmod(LOCK, 0o666)  # other users' studies wait too
+    try:
+        lock, descriptor = LOCK, open_lock(LOCK)
+    except OSError as error:
+        say(f"warning: the machine's lock {LOCK} cannot be opened ({error.strerror}): other users' studies may time meanwhile")
+        try:
+            lock, descriptor = OWN_LOCK, open_lock(OWN_LOCK)
+        except OSError as own:
+            say(f"warning: nor can {OWN_LOCK} ({own.strerror}): no study waits for another")
+            yield
+            return
     try:
         is_said = False
         while True:
@@ -228,7 +252,7 @@ def timing_alone(say: Callable[[str], None], stop: Callable[[], None]) -> Iterat
                 break
             except BlockingIOError:
                 if not is_said:
-                    say(f"another study is timing on this machine ({LOCK}); waiting for it")
+                    say(f"another study is timing on this machine ({lock}); waiting for it")
                     is_said = True
                 stop()
                 time.sleep(0.2)

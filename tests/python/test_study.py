@@ -435,6 +435,50 @@ def test_one_study_times_at_once(tmp_path):
     assert order == ["first", "second"]
 
 
+def test_a_lock_of_another_user_is_only_read(tmp_path, monkeypatch):
+    opened, system_open = [], os.open
+    lock = tmp_path / "lock"
+    monkeypatch.setattr(study_run, "LOCK", lock)
+
+    def protected(path, flags, mode=0o777, **rest):
+        opened.append(flags)
+        if os.path.exists(path) and flags & os.O_CREAT and not flags & os.O_EXCL:  # fs.protected_regular
+            raise PermissionError(13, "Permission denied")
+        if os.path.exists(path) and flags & (os.O_RDWR | os.O_WRONLY) and not flags & os.O_EXCL:
+            raise PermissionError(13, "Permission denied")
+        return system_open(path, flags, mode, **rest)
+
+    monkeypatch.setattr(os, "open", protected)
+    before = os.umask(0o077)
+    try:
+        for _ in range(2):
+            said = []
+            with study_run.timing_alone(said.append, lambda: None):
+                with pytest.raises(heddle.Error), study_run.timing_alone(said.append, stopped):
+                    pass
+            assert said == [f"another study is timing on this machine ({lock}); waiting for it"]
+    finally:
+        os.umask(before)
+    assert lock.stat().st_mode & 0o777 == 0o644
+
+
+def test_a_lock_that_cannot_be_opened_is_said(tmp_path, monkeypatch):
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+    monkeypatch.setattr(study_run, "LOCK", tmp_path / "link")
+    monkeypatch.setattr(study_run, "OWN_LOCK", tmp_path / "own")
+    said = []
+    with study_run.timing_alone(said.append, lambda: None):
+        with pytest.raises(heddle.Error), study_run.timing_alone(said.append, stopped):
+            pass
+    assert "other users' studies may time meanwhile" in said[0] and f"({tmp_path / 'own'}); waiting for it" in said[-1]
+    assert not (tmp_path / "elsewhere").exists()
+    monkeypatch.setattr(study_run, "OWN_LOCK", tmp_path / "missing" / "own")
+    said.clear()
+    with study_run.timing_alone(said.append, lambda: None):
+        pass
+    assert "no study waits for another" in said[-1]
+
+
 def stopped():
     raise heddle.Error(6, "stopped")
 
