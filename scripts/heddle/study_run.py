@@ -806,7 +806,7 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
     print_summary(study, rows, restless)
     for name in ("results.csv", "results.json"):
         say(f"wrote {folder / name}")
-    say(f"wrote {chart}" if chart else study_chart.WHY_NONE)
+    say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
     return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
 
 

@@ -6,7 +6,6 @@ import argparse
 import csv
 import json
 import os
-import pathlib
 import re
 import signal
 import subprocess
@@ -524,9 +523,30 @@ def test_the_command_studies(command, tmp_path):
     assert wrong.returncode == 2 and ":13:1: error:" in wrong.stderr
 
 
-def test_without_matplotlib_there_are_tables(finished, monkeypatch):
+def test_without_matplotlib_there_are_tables(host, tmp_path, monkeypatch):
     from heddle import study_chart
 
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
-    assert study_chart.draw(None, [], pathlib.Path()) is None
-    assert "python3-matplotlib" in study_chart.WHY_NONE
+    study, rows = chart_of(host, tmp_path, 0.1)
+    assert study_chart.draw(study, rows, tmp_path) is None
+    assert "python3-matplotlib" in study_chart.why_none(study, rows)
+
+
+def chart_of(host, tmp_path, error):
+    """A study and its rows for one point with an error."""
+    common = {"scene": "cornell_box front", "variant": "few", "knobs": ""}
+    rows = [common | {"quantity": "frame", "value": 2.0, "low": 1.9, "high": 2.1}, common | {"quantity": "rmse"}]
+    if error is not None:
+        rows[1] |= {"value": error, "low": error, "high": error}
+    return definition.read(host, written(tmp_path, SMALL)), rows
+
+
+@pytest.mark.parametrize("error", [None, 0.0])
+def test_there_is_no_chart_of_nothing(host, tmp_path, error):
+    from heddle import study_chart
+
+    assert study_chart.draw(*chart_of(host, tmp_path, 0.1), tmp_path).exists()
+    study, rows = chart_of(host, tmp_path, error)
+    assert study_chart.draw(study, rows, tmp_path) is None
+    assert not list(tmp_path.glob("*.png"))
+    assert "an error above 0 of 'rmse'" in study_chart.why_none(study, rows)
