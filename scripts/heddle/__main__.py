@@ -676,13 +676,20 @@ def main() -> int:
     command.add_argument("--timeout", type=float, default=300, help="seconds after which a variant that does not answer "
                                                                     "counts as hung")
     command.add_argument("--dry-run", action="store_true", help="check the file, say what would be measured, render nothing")
-    command.add_argument("--gate", action="store_true", help="exit status 1 if anything is worse than the first variant, 2 if "
-                                                             "undecided, else 0")
+    command.add_argument("--gate", action="store_true", help="exit status 1 if anything is worse than the first variant or was "
+                                                             "lost, 2 if undecided, else 0; 4 if there are no verdicts, "
+                                                             "because of a mistake in the file, for instance")
     command.add_argument("--quiet", "-q", action="store_true")
     # Files and pixels may stand behind options too, where argparse leaves them over.
-    arguments, words = parser.parse_known_args()
-    if unknown := [word for word in words if word.startswith("-")]:
-        parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    try:
+        arguments, words = parser.parse_known_args()
+        if unknown := [word for word in words if word.startswith("-")]:
+            parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+    except SystemExit as ended:
+        # argparse's 2 would be a gate's "undecided".
+        if ended.code == 2 and "--gate" in sys.argv[2:] and sys.argv[1] == "study":
+            return 4
+        raise
     arguments.files += words
     for option in ("environment_scale", "environment_rotation"):
         if getattr(arguments, option, None) is not None and arguments.environment is None:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from . import Error, Host, metrics
-from .__main__ import scene_path
+from .__main__ import load_scene, scene_path
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,7 +77,7 @@ class Study:
 
 # What a table may hold: the types of its values, in words for errors.
 TEXT, NUMBER, WHOLE, TEXTS, NUMBERS, TABLE, TABLES, ANY = (
-    "a text", "a number", "a whole number", "a list of texts", "a list of numbers", "a table", "tables", "anything")
+    "a text", "a finite number", "a whole number", "a list of texts", "a list of finite numbers", "a table", "tables", "anything")
 STUDY_KEYS = {
     "title": TEXT, "graph": TEXT, "set": TEXTS, "role": TEXT, "pass": TEXT, "port": TEXT, "metrics": TEXTS, "rounds": WHOLE,
     "frames": WHOLE, "settle": WHOLE, "resolution": NUMBER, "error_resolution": NUMBER, "budget_minutes": NUMBER,
@@ -125,6 +125,8 @@ class Reader:
     def __init__(self, host: Host, places: Places, folder: pathlib.Path):
         self.host, self.places, self.folder = host, places, folder
         self.errors: list[str] = []
+        self.is_pass_known = True  # else that was said, and is not said again of each variant
+        self._cameras: dict[tuple[str, ...], list[str] | None] = {}
         listed = host.list()
         self.roles = {role["name"]: role for role in listed["roles"]}
         self.techniques = {(each["role"], each["name"]): each for each in listed["techniques"]}
@@ -157,6 +159,21 @@ class Reader:
             return default
         return value
 
+    def cameras(self, path: tuple, file: str, overlays: tuple[str, ...]) -> list[str] | None:
+        """Of a scene, which must be loaded for that; None and a mistake at `path` if it cannot be."""
+        key = (file, *overlays)
+        if key not in self._cameras:
+            self._cameras[key] = None
+            try:
+                with self.host.scene() as scene:
+                    load_scene(scene, file)
+                    for overlay in overlays:
+                        scene.load(overlay)
+                    self._cameras[key] = scene.describe().get("cameras", [])
+            except Error as error:
+                self.fail(path, "the scene cannot be loaded:\n    " + str(error).replace("\n", "\n    "))
+        return self._cameras[key]
+
     def file(self, name: str) -> str:
         """A path from the study's folder if it is there, else as it is: the name of a shipped graph or scene."""
         beside = self.folder / name
@@ -164,14 +181,18 @@ class Reader:
 
 
 def is_of(value: Any, kind: str) -> bool:
-    number = isinstance(value, (int, float)) and not isinstance(value, bool)
     return {
-        TEXT: isinstance(value, str), NUMBER: number, WHOLE: number and isinstance(value, int),
+        TEXT: isinstance(value, str), NUMBER: is_number(value), WHOLE: is_number(value) and isinstance(value, int),
         TEXTS: isinstance(value, list) and all(isinstance(each, str) for each in value),
-        NUMBERS: isinstance(value, list) and all(isinstance(e, (int, float)) and not isinstance(e, bool) for e in value),
+        NUMBERS: isinstance(value, list) and all(map(is_number, value)),
         TABLE: isinstance(value, dict), TABLES: isinstance(value, list) and all(isinstance(each, dict) for each in value),
         ANY: True,
     }[kind]
+
+
+def is_number(value: Any) -> bool:
+    """Of TOML, whose numbers may be nan, inf, and whole ones beyond all floats."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and -1e300 < value < 1e300
 
 
 def read(host: Host, file: str) -> Study:
@@ -213,22 +234,29 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
     settings = tuple(table.get("set", []))
     described = load(reader, ("graph",) if "graph" in table else ("set",), graph, settings)
     passes = {each["name"]: each for each in described.get("passes", [])}
+    before = len(reader.errors)
     role, pass_name = choose_pass(reader, table, passes)
+    reader.is_pass_known = bool(described) and len(reader.errors) == before
     port, measure_metric = choose_port(reader, table, role, pass_name, described)
-    known = [each["name"] for each in metrics()]
+    known = [each["name"] for each in metrics() if each["name"] != "percentile_P"]
     wanted = tuple(table.get("metrics", [measure_metric or "rmse"]))
     if not wanted:
         reader.fail(("metrics",), "'metrics' is empty", expected="at least one, the first for the chart")
     for i, metric in enumerate(wanted):
-        if metric not in known and not re.fullmatch(r"percentile_\d+(\.\d+)?", metric):
+        percentile = re.fullmatch(r"percentile_(\d+(?:\.\d+)?)", metric)
+        if percentile and not 0 < float(percentile[1]) <= 100:
+            reader.fail(("metrics",), f"'{metric}' is no percentile", expected="a number above 0, at most 100")
+        elif not percentile and metric not in known:
             reader.unknown(("metrics",), "metric", metric, known)
         if metric in wanted[:i]:
             reader.fail(("metrics",), f"metric '{metric}' is there twice")
     exposures = None
     if "exposures" in table:
         given = table["exposures"]
-        if len(given) != 3 or given[0] > given[1] or int(given[2]) != given[2] or given[2] < 1:
-            reader.fail(("exposures",), "'exposures' are start, stop and count", found=f"{given}", expected="[-4, 4, 5]")
+        if (len(given) != 3 or not -100 <= given[0] <= given[1] <= 100 or int(given[2]) != given[2]
+                or not 1 <= given[2] <= 1000 or (given[2] == 1 and given[0] != given[1])):
+            reader.fail(("exposures",), "'exposures' are start, stop and count", found=f"{given}",
+                        expected="-100 <= start <= stop <= 100, and 1 to 1000 of them, one only where start is stop: [-4, 4, 5]")
         else:
             exposures = (float(given[0]), float(given[1]), int(given[2]))
     tone_mapper = table.get("tone_mapper", "aces")
@@ -298,8 +326,13 @@ def choose_port(reader: Reader, table: Mapping[str, Any], role: str | None, pass
     return f"{pass_name}.{measure['port']}" if pass_name else None, measure.get("metric")
 
 
+def slug(text: str) -> str:
+    return "".join(letter if letter.isalnum() else "_" for letter in text)
+
+
 def read_scenes(reader: Reader, tables: list[dict]) -> tuple[SceneChoice, ...]:
     scenes: list[SceneChoice] = []
+    known: dict[str, SceneChoice] = {}
     if not tables:
         reader.fail(("scene",), "a study needs a scene", expected="[[scene]] with file = \"atrium.py\"")
     for i, given in enumerate(tables):
@@ -322,11 +355,28 @@ def read_scenes(reader: Reader, tables: list[dict]) -> tuple[SceneChoice, ...]:
         for overlay in overlays:
             if not pathlib.Path(overlay).exists():
                 reader.fail(("scene", i, "overlays"), f"there is no overlay '{overlay}'")
+        if not all(pathlib.Path(overlay).exists() for overlay in overlays):
+            continue
         cameras = table.get("cameras", [table.get("camera")])
         times = table.get("times", [table.get("time", 0.0)])
-        where = reader.places.where(("scene", i, "cameras" if "cameras" in table else "camera"))
-        scenes += [SceneChoice(file, camera, float(time), overlays, where)
-                   for camera, time in itertools.product(cameras, times)]
+        place = ("scene", i, "cameras" if "cameras" in table else "camera")
+        if any(camera is not None for camera in cameras):
+            there = reader.cameras(("scene", i, "file"), file, overlays)
+            for camera in cameras:
+                if there is not None and camera is not None and camera not in there:
+                    reader.unknown(place, f"camera of scene '{table['file']}'", camera, there or ["none: it has no cameras"])
+        for camera, time in itertools.product(cameras, times):
+            scene = SceneChoice(file, camera, float(time), overlays, reader.places.where(place))
+            # Rows and the reference's file are found by it.
+            other = known.setdefault(slug(scene.name), scene)
+            if other is not scene:
+                is_same = (file, camera, time, overlays) == (other.file, other.camera, other.time, other.overlays)
+                reader.fail(("scene", i), f"scene '{scene.name}' is there twice" if is_same else
+                            f"two scenes are called '{scene.name}', and would share their rows and their reference's file",
+                            found=" and ".join(dict.fromkeys([" ".join([other.file, *other.overlays]),
+                                                              " ".join([file, *overlays])])),
+                            help="" if is_same else "scenes are told apart by file name, overlays, camera and time")
+            scenes.append(scene)
     return tuple(scenes)
 
 
@@ -343,6 +393,9 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
         if name is None:
             reader.fail(path, "a variant has a name")
             continue
+        if not name.strip() or name.startswith("("):
+            reader.fail((*path, "name"), "a variant's name is empty or begins with a parenthesis", found=f"name = {name!r}",
+                        expected="a word or more; (...) are the study's own")
         if name in names:
             reader.fail((*path, "name"), f"two variants are called '{name}'")
         names.append(name)
@@ -350,20 +403,34 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
         own = (*settings, *swapped, *table.get("set", []))
         own_graph = reader.file(table["graph"]) if "graph" in table else graph
         place = next(((*path, key) for key in ("set", "graph", "technique") if key in table), path)
-        described = load(reader, place, own_graph, own)
+        # Settings of a technique that could not be put into its pass would be wrong for the one that is there.
+        is_swapped = reader.is_pass_known or ("technique" not in table and "graph" in table)
+        described = load(reader, place, own_graph, own) if is_swapped else {}
         if described and port is not None and port not in [each["name"] for each in described["ports"]]:
+            if table.get("technique") == "none" and port.startswith(f"{pass_name}."):
+                reader.fail((*path, "technique"), f"without pass '{pass_name}' there is no '{port}', the image that is compared",
+                            found="technique = \"none\"", expected="a technique, or a port of a pass that stays",
+                            help="port = \"display.color\" at the top, for instance, compares what the pass does to the picture")
+                continue
             reader.fail(place, f"the variant's graph has no port '{port}', which is compared")
         present = next((each for each in described.get("passes", []) if each["name"] == pass_name), None)
-        if described and present is None and "knobs" in table:
+        if described and present is None and "knobs" in table and reader.is_pass_known:
             reader.fail((*path, "knobs"), "of which pass are these the knobs?",
                         expected="'role' or 'pass' at the top, and the pass in the variant's graph")
         ladders = read_knobs(reader, path, table.get("knobs"), role, present)
-        for rung in rungs(ladders):
+        climbed = rungs(ladders)
+        if rung := next((rung for j, rung in enumerate(climbed) if rung in climbed[:j]), None):
+            reader.fail((*path, "knobs"), "two points have the same values of all knobs",
+                        found=" ".join(f"{knob}={value}" for knob, value in rung))
+        for rung in climbed:
             everything = (*own, *[f"{pass_name}.params.{knob}={toml(value)}" for knob, value in rung])
             # A value of a file's own ladder may be out of range; one such mistake is enough.
             if rung and not reader.errors:
                 load(reader, (*path, "knobs"), own_graph, everything)
-            points.append(Point(name, own_graph, everything, rung))
+            point = Point(name, own_graph, everything, rung)
+            if any(point.name == each.name and each.variant != name for each in points):
+                reader.fail((*path, "name"), f"a point of another variant is called '{point.name}' as well")
+            points.append(point)
     return tuple(points)
 
 
@@ -372,7 +439,7 @@ def swap(reader: Reader, path: tuple, table: Mapping[str, Any], role: str | None
     if "technique" not in table:
         return ()
     if pass_name is None:
-        if role is None:
+        if role is None and reader.is_pass_known:
             reader.fail((*path, "technique"), "of which pass is that a technique?", expected="'role' or 'pass' at the top")
         return ()
     own = [name for of, name in reader.techniques if of == role]
@@ -440,7 +507,7 @@ def read_reference(reader: Reader, given: dict | None, graph: str, settings: tup
         references = reader.roles[role].get("references") or {} if role is not None else {}
         stated = references.get("same_model") or references.get("physical")
         if stated is None or pass_name is None:
-            if not reader.errors:
+            if reader.is_pass_known and not reader.errors:
                 reader.fail(("reference",), "nothing says what is true", expected="[reference] with technique, graph or set")
             return None
         technique = stated["technique"].split("/")[-1]
@@ -449,7 +516,8 @@ def read_reference(reader: Reader, given: dict | None, graph: str, settings: tup
         last = {each["name"]: rung_values(each)[-1] for each in known["parameters"] if each["ladder"]} if known else {}
         named += tuple(f"{pass_name}.params.{key}={value}" for key, value in (last | stated["params"]).items())
     everything = (*settings, *named, *table.get("set", []))
-    load(reader, ("reference", "set") if "set" in table else ("reference",), own_graph, everything)
+    if reader.is_pass_known or ("technique" not in table and "graph" in table):
+        load(reader, ("reference", "set") if "set" in table else ("reference",), own_graph, everything)
     parts = table.get("parts", 8)
     if not 1 <= parts <= 1000:
         reader.fail(("reference", "parts"), "'parts' is out of range", found=f"{parts}", expected="1 to 1000")

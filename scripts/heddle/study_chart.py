@@ -10,6 +10,8 @@ from .study import Study
 
 WHY_NONE = ("matplotlib is not installed, so there is no chart; the numbers are in the tables\n"
             "  help: on Debian, apt-get install python3-matplotlib")
+NOTHING = ("there is no chart: no point has both a time and an error above 0 of '{metric}' with a number; what there is, is "
+           "in the tables")
 # Okabe and Ito 2008, told apart by people who see colours differently as well; markers tell them apart in print.
 COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000"]
 MARKERS = "osD^vP*X"
@@ -17,7 +19,11 @@ MARKERS = "osD^vP*X"
 
 def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path | None:
     """FOLDER/error_over_time.png, a row of axes for each scene: over the frame's time, and over the pass's. None without
-    matplotlib, or if there is nothing that could be drawn."""
+    matplotlib, or if there is nothing that could be drawn; then an earlier run's is removed, which would not be this one's."""
+    file = folder / "error_over_time.png"
+    if not is_any_drawn(study, rows):
+        file.unlink(missing_ok=True)
+        return None
     try:
         import matplotlib
 
@@ -37,14 +43,25 @@ def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path |
             draw_scene(all_axes[i][j], study, [row for row in rows if row["scene"] == scene], quantity, metric)
             all_axes[i][j].set(xlabel=label, title=scene)
         all_axes[i][0].set_ylabel(f"{metric} of {study.port} against the reference")
-        all_axes[i][0].legend(fontsize=7)
+        if all_axes[i][0].get_legend_handles_labels()[0]:
+            all_axes[i][0].legend(fontsize=7)
     figure.suptitle(study.title)
-    file = folder / "error_over_time.png"
     partial = folder / f".error_over_time.partial.png"
     figure.savefig(partial, dpi=130)
     plt.close(figure)
     partial.replace(file)
     return file
+
+
+def is_any_drawn(study: Study, rows: list[dict]) -> bool:
+    """Whether a point has a place: a time and an error, both above 0 for the logarithm."""
+    places = [{(row["scene"], row["variant"], row["knobs"]) for row in rows if row["quantity"] == quantity
+               and (row.get("value") or 0) > 0} for quantity in ("frame", study.metrics[0])]
+    return bool(places[0] & places[1])
+
+
+def why_none(study: Study, rows: list[dict]) -> str:
+    return WHY_NONE if is_any_drawn(study, rows) else NOTHING.format(metric=study.metrics[0])
 
 
 def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str) -> None:

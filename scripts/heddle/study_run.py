@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import csv
+import errno
 import fcntl
 import hashlib
 import io
@@ -24,6 +25,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -32,14 +34,15 @@ import numpy as np
 from . import Error, Host, compare, metrics, version
 from . import statistics as s
 from . import study as definition
-from ._library import find
-from .study import Point, SceneChoice, Study
+from ._library import CANCELLED, find
+from .study import Point, SceneChoice, Study, slug
 
 WARM_FRAMES = 10  # the fewest that tell whether frames are still changing
 PROFILED_FRAMES = 7
 SEEDS = 8  # images of a technique that is random
-# One for the machine.
-LOCK = pathlib.Path(tempfile.gettempdir()) / "heddle-study.lock"
+# One for the machine, not for the user, whose TMPDIR may be another; the second where the first cannot be opened.
+LOCK = pathlib.Path("/tmp/heddle-study.lock")
+OWN_LOCK = pathlib.Path(tempfile.gettempdir()) / f"heddle-study-{os.getuid()}.lock"
 # Workers that are no variant's.
 AGAIN, REFERENCE = "(the first again)", "(reference)"
 
@@ -213,12 +216,34 @@ def used_seconds(process: int) -> float:
     return 0.0
 
 
+def open_lock(path: pathlib.Path) -> int:
+    """A descriptor of a file that is made if it is not there. A file of another user is opened to be read, which is enough
+    for a lock: Linux refuses O_CREAT of such a file in /tmp (fs.protected_regular). raises: OSError"""
+    flags = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK  # neither a link elsewhere nor a pipe that nobody writes
+    for _ in range(10):
+        with contextlib.suppress(FileNotFoundError):
+            return os.open(path, os.O_RDONLY | flags)
+        with contextlib.suppress(FileExistsError):  # another study was faster
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | flags, 0o644)
+            with contextlib.suppress(OSError):
+                os.fchmod(descriptor, 0o644)  # whatever the umask: other users' studies wait too
+            return descriptor
+    raise OSError(errno.EAGAIN, "it comes and goes")
+
+
 @contextlib.contextmanager
 def timing_alone(say: Callable[[str], None], stop: Callable[[], None]) -> Iterator[None]:
     """One study times on a machine at once."""
-    descriptor = os.open(LOCK, os.O_RDWR | os.O_CREAT, 0o666)
-    with contextlib.suppress(OSError):
-        os.chmod(LOCK, 0o666)  # other users' studies wait too
+    try:
+        lock, descriptor = LOCK, open_lock(LOCK)
+    except OSError as error:
+        say(f"warning: the machine's lock {LOCK} cannot be opened ({error.strerror}): other users' studies may time meanwhile")
+        try:
+            lock, descriptor = OWN_LOCK, open_lock(OWN_LOCK)
+        except OSError as own:
+            say(f"warning: nor can {OWN_LOCK} ({own.strerror}): no study waits for another")
+            yield
+            return
     try:
         is_said = False
         while True:
@@ -227,7 +252,7 @@ def timing_alone(say: Callable[[str], None], stop: Callable[[], None]) -> Iterat
                 break
             except BlockingIOError:
                 if not is_said:
-                    say(f"another study is timing on this machine ({LOCK}); waiting for it")
+                    say(f"another study is timing on this machine ({lock}); waiting for it")
                     is_said = True
                 stop()
                 time.sleep(0.2)
@@ -255,7 +280,8 @@ class SceneRun:
         self.measured: dict[str, dict] = {}  # profile() of points
         self.errors: dict[str, dict[str, dict]] = {}
         self.rounds: list[dict] = []
-        self.foreign: float | None = None
+        self.foreign: float | None = None  # share of the processors that other programs used while rounds were timed
+        self.changing: dict[str, int] = {}  # frames of the warm-up of points that were still changing after them
 
     def close(self) -> None:
         for worker in self.workers.values():
@@ -498,13 +524,15 @@ class SceneRun:
         if len(self.finished_rounds()) < self.study.rounds and AGAIN not in self.workers and points:
             self.guard(points[0], lambda: self.load(points[0], AGAIN))
             self.guard(points[0], lambda: self.warm_point(points[0], AGAIN))
-        begun, busy, own = time.monotonic(), busy_seconds(), self.own_seconds()
         while self.alive() and len(self.finished_rounds()) < self.study.rounds:
             self.time_round()
-        passed = (time.monotonic() - begun) * (os.cpu_count() or 1)
-        if passed > 1:
-            self.foreign = max(0.0, ((busy_seconds() - busy) - (self.own_seconds() - own)) / passed)
         self.rounds = self.store.lines(self.times_key())
+        # Of all rounds, whichever run took them.
+        others, passed = (sum(each["others"][i] for each in self.rounds if "others" in each) for i in (0, 1))
+        if passed > 1:
+            self.foreign = max(0.0, others / passed)
+        for each in self.rounds:
+            self.changing |= each.get("changing", {})
 
     def time_round(self) -> None:
         """One round, kept if nobody is lost in it."""
@@ -513,6 +541,7 @@ class SceneRun:
         number = len(self.store.lines(self.times_key()))
         order = s.turns(list(by_name), 1, self.study.seed + number)[0]
         times = []
+        begun, busy, own = time.monotonic(), busy_seconds(), self.own_seconds()
         for name in order:
             owner, point = by_name[name]
             # The first frame of a turn finds caches that others have filled, and does not count.
@@ -521,17 +550,17 @@ class SceneRun:
             if answer is None:
                 return
             times.append(answer["ms"][1:])
-        self.store.append(self.times_key(), {"round": number, "order": order, "ms": times})
+        # Seconds of processors: used by other programs, and all that there were.
+        others = [(busy_seconds() - busy) - (self.own_seconds() - own), (time.monotonic() - begun) * (os.cpu_count() or 1)]
+        changing = {name: warm["frames"] for name, warm in self.warm.items() if warm["warm_after"] is None}
+        self.store.append(self.times_key(), {"round": number, "order": order, "ms": times, "others": others,
+                                             "changing": changing})
         done = len(self.finished_rounds())
         if done in (1, self.study.rounds) or done % 5 == 0:
             self.say(f"{self.scene.name}: round {done} of {self.study.rounds}")
 
     def own_seconds(self) -> float:
         return sum(used_seconds(pid) for pid in [os.getpid(), *[w.process.pid for w in self.workers.values()]])
-
-
-def slug(text: str) -> str:
-    return "".join(letter if letter.isalnum() else "_" for letter in text)
 
 
 def duration(seconds: float) -> str:
@@ -591,8 +620,8 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
                 restless = s.unrest(frames, floor, math.log1p(study.resolution), run.foreign)
                 row(point, "frame noise floor", "log ratio", s.difference(again), len(again),
                     formula="the same variant against itself, in another process")
-        if run.warm.get(point.name, {}).get("warm_after", 0) is None:
-            restless.append(f"frames of {point.name} were still changing after {run.warm[point.name]['frames']} of them")
+        if point.name in run.changing:
+            restless.append(f"frames of {point.name} were still changing after {run.changing[point.name]} of them")
         if found := run.measured.get(point.name):
             for name, times in found["passes"].items():
                 row(point, f"pass {name}", "ms", s.median(times), len(times), formula="submitted and waited for stage by stage")
@@ -604,16 +633,40 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
         for metric, errors in run.errors.get(point.name, {}).get("seeds", {}).items():
             parts = run.errors[point.name]["parts"][metric]
             direction, formula = better.get(metric, ("lower", "P-th percentile of |a-b|, nearest rank"))
-            if not all(math.isfinite(each) for each in errors):  # psnr of equal images
-                row(point, metric, "1", samples=len(errors), formula=formula, note="infinite: equal images")
+            compared = point is not baseline and baseline.name in run.errors
+            if not is_finite(run.errors[point.name], metric):
+                more = unmeasured(run, point, baseline, metric) if compared else {}
+                row(point, metric, "1", samples=len(errors), formula=formula, **{"note": why_not_finite(errors)} | more)
                 continue
             own = s.reference_floor(parts) if len(parts) > 1 else 0.0
             interval = error_interval(errors, own)
             more = {}
-            if point is not baseline and baseline.name in run.errors:
+            if compared and is_finite(run.errors[baseline.name], metric):
                 more = told(error_verdict(run, point, baseline, metric, direction))
+            elif compared:
+                more = unmeasured(run, point, baseline, metric)
             row(point, metric, "1", interval, len(errors), formula=formula, **more)
     return rows, restless
+
+
+def is_finite(found: dict, metric: str) -> bool:
+    return all(math.isfinite(each) for each in [*found["seeds"][metric], *found["parts"][metric]])
+
+
+def why_not_finite(errors: Sequence[float]) -> str:
+    if any(math.isnan(each) for each in errors):
+        return "not a number"
+    return "infinite: equal images" if any(math.isinf(each) for each in errors) else "infinite against a part of the reference"
+
+
+def unmeasured(run: SceneRun, point: Point, baseline: Point, metric: str) -> dict[str, Any]:
+    """The verdict where an error is not finite, as psnr is of equal images: such have no difference that could be measured."""
+    a, b = (run.errors[each.name] for each in (baseline, point))
+    if set(a["seeds"][metric]) == set(b["seeds"][metric]) == {math.inf}:
+        return {"against": baseline.name, "verdict": s.SAME, "note": "infinite: both images equal the reference"}
+    odd = point if not is_finite(b, metric) else baseline
+    return {"against": baseline.name, "verdict": s.UNDECIDED,
+            "note": f"{metric} of {odd.name} is {why_not_finite(run.errors[odd.name]['seeds'][metric])}"}
 
 
 def error_interval(errors: Sequence[float], floor: float) -> s.Interval:
@@ -671,7 +724,28 @@ def finite(rows: list[dict]) -> list[dict]:
 
 # ---- The command ----
 
+UNGATED = 4  # the status of a gate that came to no verdicts
+
+
 def run_study(options: argparse.Namespace, stop: Callable[[], None]) -> int:
+    """Answers the exit status. raises: Error; of a gate never with a status that is a verdict's"""
+    try:
+        return measure(options, stop)
+    except Error as error:
+        if options.gate and error.status != CANCELLED:
+            raise Error(UNGATED, str(error)) from error
+        raise
+    except OSError as error:  # a disk that is full, a folder that may not be written
+        raise Error(UNGATED, f"error: the study's files cannot be written or read: {error}\n  help:     what was measured "
+                             "before is kept; the same command goes on from there") from error
+    except Exception:
+        if not options.gate:
+            raise
+        traceback.print_exc()  # Python's own status would be "worse"
+        return UNGATED
+
+
+def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
     def say(text: str) -> None:
         if not options.quiet:
             print(text, file=sys.stderr, flush=True)
@@ -697,8 +771,12 @@ def run_study(options: argparse.Namespace, stop: Callable[[], None]) -> int:
         for point in study.points:
             print(f"{point.name}: {' '.join(point.settings)}")
         return 0
-    folder.mkdir(parents=True, exist_ok=True)
-    store, contents = Store(folder), Contents()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        store, contents = Store(folder), Contents()
+    except OSError as error:
+        raise Error(UNGATED, f"error: the folder '{folder}' for the results cannot be made: {error.strerror}\n"
+                             "  help:     --folder says where they go") from error
     rows: list[dict] = []
     restless: dict[str, list[str]] = {}
     begun = time.monotonic()
@@ -728,11 +806,12 @@ def run_study(options: argparse.Namespace, stop: Callable[[], None]) -> int:
     print_summary(study, rows, restless)
     for name in ("results.csv", "results.json"):
         say(f"wrote {folder / name}")
-    say(f"wrote {chart}" if chart else study_chart.WHY_NONE)
+    say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
     return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
 
 
 def gate(rows: list[dict]) -> int:
+    """0, 1 "worse" or lost, 2 "undecided"."""
     verdicts = {row.get("verdict") for row in rows}
     if s.WORSE in verdicts or any(row["state"] != "ok" for row in rows):
         return 1
@@ -755,6 +834,9 @@ def print_summary(study: Study, rows: list[dict], restless: dict[str, list[str]]
             for quantity in ("frame", *study.metrics):
                 row = own.get(quantity, {})
                 if row.get("verdict"):
+                    if "difference" not in row:
+                        print(f"      {quantity}: {row['verdict']} against {row['against']} ({row['note']})")
+                        continue
                     scale = "" if quantity == "frame" else f" {row['unit']}" if row["unit"] != "1" else ""
                     print(f"      {quantity}: {row['verdict']} than {row['against']}" if row["verdict"] in (s.BETTER, s.WORSE)
                           else f"      {quantity}: {row['verdict']} against {row['against']}", end="")

@@ -6,7 +6,6 @@ import argparse
 import csv
 import json
 import os
-import pathlib
 import re
 import signal
 import subprocess
@@ -90,6 +89,26 @@ def lock_of_our_own(tmp_path_factory):
     ('metrics = ["rmse", "ssim"]', 'metrics = ["rsme"]', "5:1", "there is no metric 'rsme'"),
     ('"cornell_box.py"', '"cornel_box.py"', "9:1", "there is no scene 'cornel_box.py'"),
     ("rounds = 7", "round = 7", "6:1", "there is no key 'round'"),
+    ("rounds = 7", "exposures = [-4, 4, inf]", "6:1", "'exposures' is a list of finite numbers\n  found:    exposures = [-4, 4, inf]"),
+    ("rounds = 7", "exposures = [nan, 4, 2]", "6:1", "'exposures' is a list of finite numbers"),
+    ("rounds = 7", "resolution = nan", "6:1", "'resolution' is a finite number"),
+    ("rounds = 7", "rounds = 1" + 400 * "0", "6:1", "'rounds' is a whole number"),
+    ("rounds = 7", "exposures = [-400, 4, 5]", "6:1", "'exposures' are start, stop and count\n  found:    [-400, 4, 5]"),
+    ("rounds = 7", "exposures = [-4, 4, 1]", "6:1", "'exposures' are start, stop and count"),
+    ("rounds = 7", "exposures = [-4, 4, 1001]", "6:1", "'exposures' are start, stop and count"),
+    ('metrics = ["rmse", "ssim"]', 'metrics = ["percentile_200"]', "5:1", "'percentile_200' is no percentile"),
+    ('metrics = ["rmse", "ssim"]', 'metrics = ["percentile_0"]', "5:1", "'percentile_0' is no percentile"),
+    ('metrics = ["rmse", "ssim"]', 'metrics = ["percentile_P"]', "5:1", "there is no metric 'percentile_P'"),
+    ('camera = "front"', 'camera = "nix"', "10:1", "there is no camera of scene 'cornell_box.py' 'nix'\n  expected: one of front"),
+    ('camera = "front"', 'cameras = ["front", "front"]', "8:3", "scene 'cornell_box front' is there twice"),
+    ('camera = "front"', 'camera = "front"\n[[scene]]\nfile = "cornell_box.py"\ncamera = "front"', "11:3",
+     "scene 'cornell_box front' is there twice"),
+    ('name = "rays"', 'name = ""', "16:1", "a variant's name is empty"),
+    ('name = "rays"', 'name = "(reference)"', "16:1", "a variant's name is empty or begins with a parenthesis"),
+    ('name = "few"', 'name = "rays samples=1"', "16:1", "a point of another variant is called 'rays samples=1' as well"),
+    ("{ samples = [1, 4] }", "{ samples = [2, 2] }", "18:1", "two points have the same values of all knobs\n  found:    samples=2"),
+    ('technique = "gtao"\nset = ["ao.params.steps=2"]', 'technique = "none"', "13:1",
+     "without pass 'ao' there is no 'ao.visibility', the image that is compared\n  found:    technique = \"none\""),
     ("rounds = 7", "rounds = 3", "6:1", "'rounds' is out of range\n  found:    3\n  expected: 7 to 1000"),
     ("rounds = 7", 'rounds = "7"', "6:1", "'rounds' is a whole number\n  found:    rounds = '7'"),
     ('name = "rays"', 'name = "few"', "16:1", "two variants are called 'few'"),
@@ -114,6 +133,40 @@ def test_mistakes_are_said_at_their_lines(host, tmp_path, before, after, place, 
 def test_all_mistakes_are_said_at_once(host, tmp_path):
     text = SMALL.replace("rounds = 7", "round = 7").replace('"gtao"', '"gtoa"').replace('"ssim"', '"sim"')
     assert len(re.findall(r"^/small.toml:\d+:\d+: error:", refusal(host, tmp_path, text), re.M)) == 3
+
+
+def test_a_variant_without_the_pass_is_one_where_its_port_stays(host, tmp_path):
+    text = SMALL.replace('technique = "gtao"\nset = ["ao.params.steps=2"]', 'technique = "none"')
+    study = definition.read(host, written(tmp_path, 'port = "display.color"\n' + text))
+    assert study.points[0].settings == ("extent=[32,18]", "ao.technique=none")
+
+
+def test_a_mistake_is_not_followed_by_others_that_it_makes(host, tmp_path):
+    with pytest.raises(heddle.Error) as raised:
+        definition.of_role(host, "shadow", ["cornell_box.py"], [])
+    errors = re.findall(r"error: (.*)", str(raised.value))
+    assert len(errors) == 2 and "passes of role 'shadow'" in errors[0] and "is no image" in errors[1]
+    text = refusal(host, tmp_path, SMALL.replace('role = "ambient_occlusion"', 'role = "ambient"'))
+    assert len(re.findall("error:", text)) == 1
+    assert len(re.findall(r"^/small.toml", refusal(host, tmp_path, SMALL.replace('"studio"', '"stduio"')), re.M)) == 1
+
+
+def test_two_scenes_of_one_name_are_told_apart_or_refused(host, tmp_path, root):
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "box.py").write_text((root / "scripts" / "scenes" / "cornell_box.py").read_text())
+    text = SMALL.replace('"cornell_box.py"', '"a/box.py"').replace(
+        "[[variant]]", '[[scene]]\nfile = "b/box.py"\ncamera = "front"\n[[variant]]', 1)
+    assert (":11:3: error: two scenes are called 'box front', and would share their rows and their reference's file\n"
+            "  found:    /a/box.py and /b/box.py") in refusal(host, tmp_path, text)
+    text = text.replace('"b/box.py"', '"b/box.py"\ntime = 1')
+    assert len(definition.read(host, written(tmp_path, text)).scenes) == 2
+
+
+def test_a_scene_that_cannot_be_loaded_is_said_at_its_line(host, tmp_path):
+    (tmp_path / "broken.py").write_text("def build(scene):\n    1 // 0\n")
+    text = refusal(host, tmp_path, SMALL.replace("cornell_box.py", "broken.py"))
+    assert ":9:1: error: the scene cannot be loaded:" in text and "division" in text
 
 
 def test_a_study_without_scenes_or_variants_is_none(host, tmp_path):
@@ -158,6 +211,40 @@ def test_ladders_are_climbed_together():
 
 
 # ---- Running ----
+
+def measured_run(study, errors):
+    """What rows_of() reads of a run whose errors are known."""
+    found = {name: {"seeds": {"psnr": seeds}, "parts": {"psnr": []}, "is_random": False} for name, seeds in errors.items()}
+    return argparse.Namespace(study=study, scene=study.scenes[0], state={p.name: ("ok", "") for p in study.points}, rounds=[],
+                              changing={}, measured={}, errors=found, foreign=None)
+
+
+@pytest.mark.parametrize(("few", "one", "four", "verdicts", "note"), [
+    (np.inf, 30.0, np.inf, ["undecided", "no difference seen"], "psnr of few is infinite: equal images"),
+    (30.0, np.inf, 31.0, ["undecided", "better"], "psnr of rays samples=1 is infinite: equal images"),
+    (np.nan, 30.0, 31.0, ["undecided", "undecided"], "psnr of few is not a number"),
+])
+def test_an_error_without_a_number_is_told_and_ends_nothing(host, tmp_path, capsys, few, one, four, verdicts, note):
+    study = definition.read(host, written(tmp_path, SMALL.replace('["rmse", "ssim"]', '["psnr"]')))
+    rows, restless = study_run.rows_of(
+        measured_run(study, {"few": [few], "rays samples=1": [one], "rays samples=4": [four]}))
+    own = {row["variant"] + row["knobs"]: row for row in rows if row["quantity"] == "psnr"}
+    assert [own[name]["verdict"] for name in ("rayssamples=1", "rayssamples=4")] == verdicts
+    assert own["rayssamples=1"]["note"] == note
+    assert study_run.gate(rows) == 2
+    frames = [rows[i] | {"quantity": "frame", "verdict": ""} for i in range(len(rows))]
+    study_run.print_summary(study, frames + rows, {})
+    assert f"psnr: undecided against few ({note})" in capsys.readouterr().out
+    study_run.write_table(tmp_path, study_run.finite(rows), {})
+
+
+def test_a_first_variant_that_equals_the_reference_leaves_all_results(tmp_path):
+    text = SMALL.replace('["rmse", "ssim"]', '["psnr"]').replace("samples = [1, 4]", "samples = [1]")
+    text = text[:text.index("[reference]")] + '[reference]\ntechnique = "gtao"\nset = ["ao.params.steps=2"]\n'
+    assert run(tmp_path, text, gate=True) in (1, 2)  # times may say "worse"; the error cannot
+    rows = {row["variant"]: row for row in table(tmp_path) if row["quantity"] == "psnr"}
+    assert rows["few"]["note"] == "infinite: equal images" and not rows["few"]["value"]
+    assert rows["rays"]["verdict"] == s.UNDECIDED and float(rows["rays"]["value"]) > 0
 
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
@@ -266,6 +353,24 @@ def test_an_interrupted_study_goes_on(tmp_path, monkeypatch):
     assert kept[:3] == rounds[:3] and len(kept) == 7 and [each["round"] for each in kept] == list(range(7))
 
 
+def test_a_study_that_goes_on_keeps_its_warnings(tmp_path, monkeypatch):
+    # Many processors that others keep busy: each look finds an hour more of each, of which none are the study's.
+    looks = iter(range(10**6))
+    monkeypatch.setattr(os, "cpu_count", lambda: 1000)
+    monkeypatch.setattr(study_run, "busy_seconds", lambda: 1000 * 3600.0 * next(looks))
+    monkeypatch.setattr(s, "warm_up", lambda *_: None)
+    assert run(tmp_path) == 0
+    before = json.loads((tmp_path / "out" / "results.json").read_text())["restless"]["cornell_box front"]
+    monkeypatch.undo()
+    monkeypatch.setattr(study_run, "LOCK", tmp_path / "lock")
+    monkeypatch.setattr(os, "cpu_count", lambda: 1000)
+    monkeypatch.setattr(study_run, "busy_seconds", lambda: 0.0)
+    assert run(tmp_path) == 0
+    assert json.loads((tmp_path / "out" / "results.json").read_text())["restless"]["cornell_box front"] == before
+    assert any("other programs used" in text for text in before)
+    assert sum("still changing" in text for text in before) == 3
+
+
 @pytest.mark.parametrize(("number", "timeout", "state"), [(signal.SIGKILL, 60.0, "crashed"), (signal.SIGSTOP, 8.0, "hung")])
 def test_a_lost_variant_is_told_while_the_others_finish(tmp_path, monkeypatch, number, timeout, state):
     ask, seen = study_run.Worker.ask, []
@@ -289,10 +394,14 @@ def test_a_lost_variant_is_told_while_the_others_finish(tmp_path, monkeypatch, n
     assert not any(study_run.used_seconds(pid) for pid in set(seen))  # nobody stays behind
 
 
-def test_a_camera_that_is_not_there_is_said_at_its_line(tmp_path):
-    with pytest.raises(heddle.Error, match=r"small.toml:10:1: error: nothing of scene 'cornell_box frnt' can be rendered\n"
-                                           r"    the scene has no camera 'frnt'\n      expected: one of front"):
-        run(tmp_path, SMALL.replace('"front"', '"frnt"'))
+def test_a_scene_of_which_nothing_can_be_rendered_is_said_at_its_line(tmp_path, monkeypatch):
+    def refusing(self, do, **arguments):
+        raise study_run.Lost("failed", "it is gone\n  help: none")
+
+    monkeypatch.setattr(study_run.Worker, "ask", refusing)
+    with pytest.raises(heddle.Error, match=r"small.toml:10:1: error: nothing of scene 'cornell_box front' can be rendered\n"
+                                           r"    it is gone\n      help: none"):
+        run(tmp_path)
 
 
 def test_a_study_beyond_its_budget_says_so_before_it_times_anything(tmp_path):
@@ -325,6 +434,50 @@ def test_one_study_times_at_once(tmp_path):
     assert order == ["first", "second"]
 
 
+def test_a_lock_of_another_user_is_only_read(tmp_path, monkeypatch):
+    opened, system_open = [], os.open
+    lock = tmp_path / "lock"
+    monkeypatch.setattr(study_run, "LOCK", lock)
+
+    def protected(path, flags, mode=0o777, **rest):
+        opened.append(flags)
+        if os.path.exists(path) and flags & os.O_CREAT and not flags & os.O_EXCL:  # fs.protected_regular
+            raise PermissionError(13, "Permission denied")
+        if os.path.exists(path) and flags & (os.O_RDWR | os.O_WRONLY) and not flags & os.O_EXCL:
+            raise PermissionError(13, "Permission denied")
+        return system_open(path, flags, mode, **rest)
+
+    monkeypatch.setattr(os, "open", protected)
+    before = os.umask(0o077)
+    try:
+        for _ in range(2):
+            said = []
+            with study_run.timing_alone(said.append, lambda: None):
+                with pytest.raises(heddle.Error), study_run.timing_alone(said.append, stopped):
+                    pass
+            assert said == [f"another study is timing on this machine ({lock}); waiting for it"]
+    finally:
+        os.umask(before)
+    assert lock.stat().st_mode & 0o777 == 0o644
+
+
+def test_a_lock_that_cannot_be_opened_is_said(tmp_path, monkeypatch):
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+    monkeypatch.setattr(study_run, "LOCK", tmp_path / "link")
+    monkeypatch.setattr(study_run, "OWN_LOCK", tmp_path / "own")
+    said = []
+    with study_run.timing_alone(said.append, lambda: None):
+        with pytest.raises(heddle.Error), study_run.timing_alone(said.append, stopped):
+            pass
+    assert "other users' studies may time meanwhile" in said[0] and f"({tmp_path / 'own'}); waiting for it" in said[-1]
+    assert not (tmp_path / "elsewhere").exists()
+    monkeypatch.setattr(study_run, "OWN_LOCK", tmp_path / "missing" / "own")
+    said.clear()
+    with study_run.timing_alone(said.append, lambda: None):
+        pass
+    assert "no study waits for another" in said[-1]
+
+
 def stopped():
     raise heddle.Error(6, "stopped")
 
@@ -337,6 +490,31 @@ def test_a_gate_is_for_what_is_worse(verdicts, states, status):
     assert study_run.gate(rows) == status
 
 
+@pytest.mark.parametrize(("words", "status", "said"), [
+    (["--gtae"], 2, "unrecognized arguments: --gtae"), (["--gate", "--rounds", "x"], 4, "invalid int value"),
+    (["--gate", "--rounds", "3"], 4, "error: --rounds 3"), (["--rounds", "3"], 2, "error: --rounds 3"),
+    (["--folder", "/proc/nope"], 4, "error: the folder '/proc/nope' for the results cannot be made"),
+    (["--gate", "--folder", "/proc/nope"], 4, "error: the folder '/proc/nope'")])
+def test_no_error_is_taken_for_a_verdict(command, tmp_path, words, status, said):
+    done = subprocess.run([command, "study", "-q", written(tmp_path, SMALL), *words], capture_output=True, text=True)
+    assert done.returncode == status and said in done.stderr and "Traceback" not in done.stderr
+
+
+def test_what_nobody_foresaw_is_no_verdict(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(definition, "read", lambda *_: 1 // 0)
+    assert run(tmp_path, gate=True) == 4
+    assert "ZeroDivisionError" in capsys.readouterr().err
+    with pytest.raises(ZeroDivisionError):
+        run(tmp_path)
+
+
+def test_a_full_disk_is_said(tmp_path, monkeypatch):
+    monkeypatch.setattr(study_run.Store, "put", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(heddle.Error, match="files cannot be written or read: .*No space left") as raised:
+        run(tmp_path)
+    assert raised.value.status == 4
+
+
 def test_the_command_studies(command, tmp_path):
     done = subprocess.run([command, "study", "--dry-run", written(tmp_path, SMALL)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -345,9 +523,30 @@ def test_the_command_studies(command, tmp_path):
     assert wrong.returncode == 2 and ":13:1: error:" in wrong.stderr
 
 
-def test_without_matplotlib_there_are_tables(finished, monkeypatch):
+def test_without_matplotlib_there_are_tables(host, tmp_path, monkeypatch):
     from heddle import study_chart
 
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
-    assert study_chart.draw(None, [], pathlib.Path()) is None
-    assert "python3-matplotlib" in study_chart.WHY_NONE
+    study, rows = chart_of(host, tmp_path, 0.1)
+    assert study_chart.draw(study, rows, tmp_path) is None
+    assert "python3-matplotlib" in study_chart.why_none(study, rows)
+
+
+def chart_of(host, tmp_path, error):
+    """A study and its rows for one point with an error."""
+    common = {"scene": "cornell_box front", "variant": "few", "knobs": ""}
+    rows = [common | {"quantity": "frame", "value": 2.0, "low": 1.9, "high": 2.1}, common | {"quantity": "rmse"}]
+    if error is not None:
+        rows[1] |= {"value": error, "low": error, "high": error}
+    return definition.read(host, written(tmp_path, SMALL)), rows
+
+
+@pytest.mark.parametrize("error", [None, 0.0])
+def test_there_is_no_chart_of_nothing(host, tmp_path, error):
+    from heddle import study_chart
+
+    assert study_chart.draw(*chart_of(host, tmp_path, 0.1), tmp_path).exists()
+    study, rows = chart_of(host, tmp_path, error)
+    assert study_chart.draw(study, rows, tmp_path) is None
+    assert not list(tmp_path.glob("*.png"))
+    assert "an error above 0 of 'rmse'" in study_chart.why_none(study, rows)
