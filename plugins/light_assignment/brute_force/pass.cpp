@@ -12,9 +12,8 @@ constexpr heddle_function kFunctions[] = {function("light_assignment", "brute_fo
 
 constexpr heddle_technique kBruteForce = [] {
   heddle_technique t = technique<Nothing>("light_assignment/brute_force", "Every light tried at every point",
-                                          "definition", 1, HEDDLE_TECHNIQUE_REFERENCE);
-  t.ports = list(kPorts, t.port_count);
-  t.functions = list(kFunctions, t.function_count);
+                                          "definition", kPorts, kFunctions);
+  t.flags = HEDDLE_TECHNIQUE_REFERENCE;
   t.features = "lights";
   return t;
 }();

@@ -162,12 +162,8 @@ constexpr heddle_technique kTiled = [] {
   heddle_technique t =
       technique<Tiled>("light_assignment/tiled", "Lists of lights for tiles of pixels and their depths",
                        "Olsson and Assarsson 2011, Tiled Shading; Harada, McKee and Yang 2012, "
-                       "Forward+: Bringing Deferred Lighting to the Next Level");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  t.functions = list(kFunctions, t.function_count);
+                       "Forward+: Bringing Deferred Lighting to the Next Level",
+                       kPorts, kParameters, kStages, kShaders, kFunctions);
   t.features = "lights";
   return t;
 }();

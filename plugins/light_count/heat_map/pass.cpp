@@ -22,14 +22,9 @@ struct HeatMap {
   heddle_status record(const Frame& frame) { return frame.dispatch_over("count", "count"); }
 };
 
-constexpr heddle_technique kHeatMap = [] {
-  heddle_technique t = technique<HeatMap>("light_count/heat_map", "Lights met at each pixel, counted and coloured",
-                                          "Oertegren and Persson 2016, Clustered Shading, GPU Pro 7 (bins in a ratio)");
-  t.ports = list(kPorts, t.port_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kHeatMap = technique<HeatMap>(
+    "light_count/heat_map", "Lights met at each pixel, counted and coloured",
+    "Oertegren and Persson 2016, Clustered Shading, GPU Pro 7 (bins in a ratio)", kPorts, kStages, kShaders);
 
 }  // namespace
 

@@ -160,12 +160,8 @@ constexpr heddle_technique kCascaded = [] {
   heddle_technique t = technique<Cascaded>(
       "shadow/cascaded", "Cascaded depth maps for directional lights, still under the camera, blended and kept",
       "Engel 2006, Cascaded Shadow Maps, ShaderX5; Zhang, Sun, Xu and Lun 2006, Parallel-split shadow maps for "
-      "large-scale virtual environments");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  t.functions = list(kFunctions, t.function_count);
+      "large-scale virtual environments",
+      kPorts, kParameters, kStages, kShaders, kFunctions);
   t.components = kSettings;
   return t;
 }();

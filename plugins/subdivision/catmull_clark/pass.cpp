@@ -268,13 +268,9 @@ class CatmullClark {
 };
 
 constexpr heddle_technique kTechnique = [] {
-  heddle_technique t = technique<CatmullClark>("subdivision/catmull_clark",
-                                               "Uniform Catmull-Clark refinement by factorised tables on the GPU",
-                                               "Brainerd 2016, \"Catmull-Clark Subdivision Surfaces\", GPU Pro 7");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
+  heddle_technique t = technique<CatmullClark>(
+      "subdivision/catmull_clark", "Uniform Catmull-Clark refinement by factorised tables on the GPU",
+      "Brainerd 2016, \"Catmull-Clark Subdivision Surfaces\", GPU Pro 7", kPorts, kParameters, kStages, kShaders);
   t.features = "subdivision.surface";
   t.components = "subdivision.surface";
   return t;

@@ -139,10 +139,8 @@ constexpr heddle_technique kTechnique = [] {
   heddle_technique t = technique<LimitSurface>("subdivision/limit", "The limit surface itself, in float64",
                                                "Halstead, Kass and DeRose 1993, \"Efficient, Fair Interpolation Using "
                                                "Catmull-Clark Surfaces\"",
-                                               1, HEDDLE_TECHNIQUE_REFERENCE);
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
+                                               kPorts, kParameters, kStages);
+  t.flags = HEDDLE_TECHNIQUE_REFERENCE;
   t.features = "subdivision.surface";
   t.components = "subdivision.surface";
   return t;

@@ -189,13 +189,8 @@ struct Look {
   }
 };
 
-constexpr heddle_technique kCopies = [] {
-  heddle_technique t = technique<Copies>("made/copies", "Meshes once more", "a test of the host");
-  t.ports = list(kCopiesPorts, t.port_count);
-  t.parameters = list(kCopiesParameters, t.parameter_count);
-  t.stages = list(kCopiesStages, t.stage_count);
-  return t;
-}();
+constexpr heddle_technique kCopies = technique<Copies>("made/copies", "Meshes once more", "a test of the host",
+                                                       kCopiesPorts, kCopiesParameters, kCopiesStages);
 constexpr heddle_technique field(const char* id) {
   heddle_technique t = technique<Field>(id, "Squares that the GPU places", "a test of the host");
   t.parameters = list(kFieldParameters, t.parameter_count);
@@ -215,12 +210,8 @@ constexpr heddle_technique kCountedField = [] {
   t.shaders = list(kCountedShaders, t.shader_count);
   return t;
 }();
-constexpr heddle_technique kLookTechnique = [] {
-  heddle_technique t = technique<Look>("made/look", "What a snapshot holds", "a test of the host");
-  t.ports = list(kLookPorts, t.port_count);
-  t.stages = list(kLookStages, t.stage_count);
-  return t;
-}();
+constexpr heddle_technique kLookTechnique =
+    technique<Look>("made/look", "What a snapshot holds", "a test of the host", kLookPorts, kLookStages);
 
 }  // namespace
 

@@ -74,14 +74,8 @@ struct Placed {
   }
 };
 
-constexpr heddle_technique kPlaced = [] {
-  heddle_technique t = technique<Placed>("views/placed", "Positions seen from a place", "definition");
-  t.ports = list(kPorts, t.port_count);
-  t.parameters = list(kParameters, t.parameter_count);
-  t.stages = list(kStages, t.stage_count);
-  t.shaders = list(kShaders, t.shader_count);
-  return t;
-}();
+constexpr heddle_technique kPlaced = technique<Placed>("views/placed", "Positions seen from a place", "definition",
+                                                       kPorts, kParameters, kStages, kShaders);
 
 }  // namespace
 
