@@ -40,6 +40,9 @@ ShaderState* find_shader(PassState& pass, const heddle_frame* frame, const char*
 void set_viewport(const heddle_vulkan& vk, VkCommandBuffer commands, std::uint32_t x, std::uint32_t y,
                   std::uint32_t width, std::uint32_t height);
 
+// execute_services.cpp: heddle_pass_host.service.
+const void* service(const heddle_pass_host* self, const char* id);
+
 // execute_views.cpp: heddle_pass_host.draw, and the services of views and counters, nullptr for another id.
 heddle_status draw_unplaced(const heddle_pass_host* self, heddle_frame* frame, const heddle_draw* given);
 const void* views_service(std::string_view id);
