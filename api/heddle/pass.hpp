@@ -47,7 +47,6 @@
 #pragma once
 
 #include <heddle/components.h>
-#include <heddle/meshes.h>
 #include <heddle/plugin.h>
 
 #include <array>
@@ -558,34 +557,6 @@ class Components {
     return table_.values + std::size_t{row} * table_.value_count + table_.first_values[property];
   }
   heddle_component_table table_;
-};
-
-/// The scene's meshes and instances; valid until the running call returns. Empty on a host without the service.
-class Meshes {
- public:
-  explicit Meshes(const PassHost& host)
-      : host_(host), service_(host.service<heddle_meshes_service>(HEDDLE_MESHES_SERVICE)) {
-    content_.struct_size = sizeof content_;
-    if (service_ != nullptr) service_->content(host_.raw(), &content_);
-  }
-  [[nodiscard]] const heddle_scene_content& content() const { return content_; }
-  [[nodiscard]] heddle_scene_mesh mesh(std::uint32_t index) const {
-    heddle_scene_mesh out{};
-    out.struct_size = sizeof out;
-    if (service_ != nullptr) service_->mesh(host_.raw(), index, &out);
-    return out;
-  }
-  [[nodiscard]] heddle_scene_instance instance(std::uint32_t index) const {
-    heddle_scene_instance out{};
-    out.struct_size = sizeof out;
-    if (service_ != nullptr) service_->instance(host_.raw(), index, &out);
-    return out;
-  }
-
- private:
-  PassHost host_;
-  const heddle_meshes_service* service_;
-  heddle_scene_content content_{};
 };
 
 /// A component that the technique names in `components`; *out is empty on an error. frame NULL: in declare.

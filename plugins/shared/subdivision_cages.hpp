@@ -5,7 +5,7 @@
 
 #include "catmull_clark.hpp"
 
-#include <heddle/pass.hpp>
+#include <heddle/meshes.hpp>
 
 #include <bit>
 #include <cstring>

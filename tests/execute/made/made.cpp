@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // made/copies: the scene's meshes once more, in the place of some of its instances. made/listed, made/counted: squares
 // that the GPU places. made/look: what a snapshot holds. For tests.
-#include <heddle/pass.hpp>
+#include <heddle/meshes.hpp>
 
 #include <algorithm>
 #include <cstring>
