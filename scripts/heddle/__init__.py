@@ -10,6 +10,7 @@ The package binds the C API (api/heddle/heddle.h) by ctypes and adds nothing to 
         pixels = graph.read()                  # float32 (height, width, channels)
 """
 
-from .host import Error, Graph, Host, Job, Scene, compare, error_image, metrics, version
+from .comparison import compare, error_image, metrics
+from .host import Error, Graph, Host, Job, Scene, version
 
 __all__ = ["Error", "Graph", "Host", "Job", "Scene", "compare", "error_image", "metrics", "version"]

@@ -8,7 +8,8 @@ import subprocess
 import pytest
 
 from heddle import _library
-from heddle.host import ALPHA_MODES, LIGHT_TYPES, TONE_MAPPERS
+from heddle.comparison import TONE_MAPPERS
+from heddle.host import ALPHA_MODES, LIGHT_TYPES
 
 POINTERS_TO_OPAQUE = ("heddle_host", "heddle_scene", "heddle_graph", "heddle_comparison")
 STRUCTURES = {
