@@ -92,7 +92,7 @@ def test_flip_is_the_authors_own(official):
 def test_hdr_flip_is_the_authors_own(official, tone_mapper):
     seen = np.zeros(2)
     for i, (rng, reference, test) in enumerate(pairs()):
-        if i % 3 != heddle.host.TONE_MAPPERS.index(tone_mapper):
+        if i % 3 != heddle.comparison.TONE_MAPPERS.index(tone_mapper):
             continue
         scale = np.float32(2 ** rng.uniform(-8, 8))
         reference, test = scale * (reference + np.float32(1e-3)), scale * test
