@@ -45,9 +45,8 @@ heddle_status begin_with(const heddle_pass_host* self, heddle_frame* frame, cons
     const Executor::State& executor = executor_of(pass);
     const std::vector<ScheduledStage>& stages = executor.order.stages;
     const auto current = static_cast<std::uint32_t>(frame->stage - stages.data());
-    const bool is_in_loop = std::ranges::any_of(executor.order.loops, [&](const ScheduledLoop& loop) {
-      return current >= loop.begin && current < loop.end;
-    });
+    const bool is_in_loop = std::ranges::any_of(
+        executor.order.loops, [&](const ScheduledLoop& loop) { return current >= loop.begin && current < loop.end; });
     if (!executor.graph.is_job || is_in_loop)
       return wrong(pass, "asks for slices of several stages, which only stages of jobs do, outside of loops");
     for (std::uint32_t s = 0; s < current; ++s) {

@@ -92,8 +92,8 @@ struct PassState {
       nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
   vulkan::GeneratedTexts texts;
   std::string resolved_path;  // the last answer of resolve_path
-  // Slices that several stages do together (execute_slices.cpp): with which scheduled stage the next one begins, where a
-  // stage has just asked for it; and how often they have begun anew.
+  // Slices that several stages do together (execute_slices.cpp): with which scheduled stage the next one begins, where
+  // a stage has just asked for it; and how often they have begun anew.
   std::optional<std::uint32_t> again;
   std::uint32_t slice = 0;
   std::chrono::steady_clock::time_point began, told, saved;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scene's meshes and instances -> the points at which a bake asks for visibility, and the places of their answers in
-// the artifact (baked_visibility.hpp). In float64.
+// The scene's meshes and instances -> the points at which a bake asks for visibility, and the places of their answers
+// in the artifact (baked_visibility.hpp). In float64.
 #pragma once
 
 #include "baked_visibility.hpp"
@@ -95,8 +95,7 @@ inline Layout make_lattice(const heddle_scene_mesh& mesh, double spacing) {
     triangle.first_lattice = static_cast<std::uint32_t>(layout.lattice.size());
     triangle.resolution = resolution;
     for (std::size_t k = 0; k < 3; ++k)
-      for (std::size_t c = 0; c < 3; ++c)
-        triangle.corners[3 * k + c] = mesh.vertices[corner[k]].position[c];
+      for (std::size_t c = 0; c < 3; ++c) triangle.corners[3 * k + c] = mesh.vertices[corner[k]].position[c];
     layout.triangles.push_back(triangle);
     for (std::uint32_t j = 0; j <= resolution; ++j) {
       for (std::uint32_t i = 0; i + j <= resolution; ++i) {
@@ -162,8 +161,7 @@ inline std::array<double, 3> nearest_barycentric(const std::array<Uv, 3>& p, con
   for (std::size_t k = 0; k < 3; ++k) {
     const Uv &a = p[k], &b = p[(k + 1) % 3];
     const double dx = b[0] - a[0], dy = b[1] - a[1], length = dx * dx + dy * dy;
-    const double s =
-        length > 0 ? std::clamp(((at[0] - a[0]) * dx + (at[1] - a[1]) * dy) / length, 0.0, 1.0) : 0.0;
+    const double s = length > 0 ? std::clamp(((at[0] - a[0]) * dx + (at[1] - a[1]) * dy) / length, 0.0, 1.0) : 0.0;
     const double x = a[0] + s * dx - at[0], y = a[1] + s * dy - at[1];
     if (x * x + y * y >= least) continue;
     least = x * x + y * y;
@@ -177,7 +175,8 @@ inline bool touches_texel(const std::array<Uv, 3>& p, double x, double y) {
   // Separating axes: the square's and the triangle's edges.
   for (std::size_t axis = 0; axis < 2; ++axis) {
     const double low = axis == 0 ? x : y;
-    if (std::max({p[0][axis], p[1][axis], p[2][axis]}) < low || std::min({p[0][axis], p[1][axis], p[2][axis]}) > low + 1)
+    if (std::max({p[0][axis], p[1][axis], p[2][axis]}) < low ||
+        std::min({p[0][axis], p[1][axis], p[2][axis]}) > low + 1)
       return false;
   }
   const double sign = cross(p[0], p[1], p[2]) < 0 ? -1 : 1;
@@ -409,8 +408,8 @@ inline void set_value(Baked& baked, const Element& element, const Sums& sums) {
   baked.values[element.value] = value;
 }
 
-/// Values that nobody has asked for, and, if `is_filling`, those of elements that see nothing at all because they lie in
-/// or under something: the mean of their neighbours that are neither, as far as `steps` elements away.
+/// Values that nobody has asked for, and, if `is_filling`, those of elements that see nothing at all because they lie
+/// in or under something: the mean of their neighbours that are neither, as far as `steps` elements away.
 inline void fill_gaps(ElementSet& set, bool is_filling, std::uint32_t steps) {
   Baked& baked = set.baked;
   std::vector<std::uint8_t> is_gap(baked.values.size(), 0);
@@ -450,8 +449,7 @@ inline void fill_gaps(ElementSet& set, bool is_filling, std::uint32_t steps) {
       for (std::uint32_t t = 0; instance.kind == kLattice && t < instance.triangle_count; ++t) {
         const BakedTriangle& triangle = baked.triangles[instance.first_triangle + t];
         const auto value = [&](std::uint32_t i, std::uint32_t j) {
-          return instance.first_value +
-                 baked.lattice[triangle.first_lattice + lattice_row(triangle.resolution, j) + i];
+          return instance.first_value + baked.lattice[triangle.first_lattice + lattice_row(triangle.resolution, j) + i];
         };
         for (std::uint32_t j = 0; j < triangle.resolution; ++j)
           for (std::uint32_t i = 0; i + j < triangle.resolution; ++i) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The artifact of role bake_visibility: for each instance of the scene, values on the surface of its mesh, as bytes; and
-// back, checked. Pure.
+// The artifact of role bake_visibility: for each instance of the scene, values on the surface of its mesh, as bytes;
+// and back, checked. Pure.
 //
 // The bytes are a BakedHead and, each after the other, its instances, triangles, lattice and values. A value belongs to
 // a point of a lattice on a triangle (barycentric steps of 1 / resolution; resolution 1: its corners), or to a texel of

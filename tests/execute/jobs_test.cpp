@@ -276,9 +276,9 @@ TEST_F(Jobs, AreKeptByTheTexturesOfLightsThatTheyLookAt) {
 
 TEST_F(Jobs, StopBetweenSlicesAndGoOnInAnotherProcess) {
   std::size_t jobs_done = 0;
-  for (const auto& [job, expected] : {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
-                                      std::pair(kGpuJob, std::vector<double>(8, 15.0)),
-                                      std::pair(kPairJob, std::vector<double>(8, 15.0))}) {
+  for (const auto& [job, expected] :
+       {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
+        std::pair(kGpuJob, std::vector<double>(8, 15.0)), std::pair(kPairJob, std::vector<double>(8, 15.0))}) {
     // Cancelled in each slice, by another host each time.
     const std::ptrdiff_t count = job == kCountJob ? 4 : 5;
     for (std::ptrdiff_t slice = 0; slice + 1 < count; ++slice) {
@@ -317,11 +317,12 @@ TEST_F(Jobs, DoSlicesOfSeveralStagesTogether) {
   for (const char* first : {"keep", "nonsense"}) {
     ASSERT_EQ(host.parse(kPairJob, "job.toml", folder_, {std::string("pair.params.first=") + first}), HEDDLE_OK);
     EXPECT_EQ(host.try_run(), HEDDLE_BUG);
-    EXPECT_EQ(host.error(), std::string("job.toml:2:1: error: pass 'pair' (job_probe/pair): begins a slice of stage "
-                                        "'keep' with '") +
-                                first +
-                                "', which is no earlier stage of it\n  help:     this is a mistake of the technique, not "
-                                "of the graph");
+    EXPECT_EQ(host.error(),
+              std::string("job.toml:2:1: error: pass 'pair' (job_probe/pair): begins a slice of stage "
+                          "'keep' with '") +
+                  first +
+                  "', which is no earlier stage of it\n  help:     this is a mistake of the technique, not "
+                  "of the graph");
   }
 }
 
@@ -341,9 +342,9 @@ TEST_F(Jobs, ThatCannotGoOnStopWhereTheyAskAndLeaveNothing) {
 }
 
 TEST_F(Jobs, ThatAreKilledLeaveNothingHalfAndGoOn) {
-  for (const auto& [job, expected] : {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
-                                      std::pair(kGpuJob, std::vector<double>(8, 15.0)),
-                                      std::pair(kPairJob, std::vector<double>(8, 15.0))}) {
+  for (const auto& [job, expected] :
+       {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
+        std::pair(kGpuJob, std::vector<double>(8, 15.0)), std::pair(kPairJob, std::vector<double>(8, 15.0))}) {
     const pid_t child = fork();
     if (child == 0) {
       setenv("HEDDLE_PROBE_KILL_AT", "2", 1);

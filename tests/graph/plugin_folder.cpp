@@ -212,16 +212,18 @@ Technique baked() {
   Port values = port("baked_values", PortType::kBuffer, Direction::kOut, HEDDLE_PORT_KEPT);
   values.byte_size = 4096;
   values.glsl = "uvec2 baked_values[];";
-  t.ports = {surfaces_in("surfaces"),  value_in("camera"),
-             image_in("depth_buffer"), port("occlusion", PortType::kArtifact, Direction::kIn),
-             values,                   image_out("visibility", VK_FORMAT_R32_SFLOAT)};
-  t.stages = {{"upload", StageKind::kCpu, {value("occlusion"), touch("baked_values", HEDDLE_ACCESS_HOST_WRITE)}},
-              {"look",
-               StageKind::kGpu,
-               {touch("surfaces", HEDDLE_ACCESS_DRAW), value("camera"),
-                touch("baked_values", HEDDLE_ACCESS_STORAGE_READ),
-                touch("visibility", HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_CLEAR),
-                touch("depth_buffer", HEDDLE_ACCESS_DEPTH_READ)}}};
+  t.ports = {surfaces_in("surfaces"),
+             value_in("camera"),
+             image_in("depth_buffer"),
+             port("occlusion", PortType::kArtifact, Direction::kIn),
+             values,
+             image_out("visibility", VK_FORMAT_R32_SFLOAT)};
+  t.stages = {
+      {"upload", StageKind::kCpu, {value("occlusion"), touch("baked_values", HEDDLE_ACCESS_HOST_WRITE)}},
+      {"look",
+       StageKind::kGpu,
+       {touch("surfaces", HEDDLE_ACCESS_DRAW), value("camera"), touch("baked_values", HEDDLE_ACCESS_STORAGE_READ),
+        touch("visibility", HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_CLEAR), touch("depth_buffer", HEDDLE_ACCESS_DEPTH_READ)}}};
   t.shaders = {shader("baked", ShaderKind::kSurfaces, "look")};
   return t;
 }
@@ -433,9 +435,10 @@ PluginFolder::PluginFolder() {
   std::string pattern = (fs::temp_directory_path() / "heddle-graph-XXXXXX").string();
   if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
   folder_ = pattern;
-  for (const Technique& t : {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(),
-                             gtao(), ray_traced(), baked(), bake_depth_maps(), shadow_map(), ray_marched_screen(), ggx(), tiled(), heat_map(),
-                             deferred(), supersampled(), sorted(), display(), paint_dots()}) {
+  for (const Technique& t :
+       {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(), gtao(), ray_traced(),
+        baked(), bake_depth_maps(), shadow_map(), ray_marched_screen(), ggx(), tiled(), heat_map(), deferred(),
+        supersampled(), sorted(), display(), paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());

@@ -72,8 +72,8 @@ class BakedOcclusion {
           bytes("baked_triangles", std::span(baked_.triangles).size_bytes()),
           bytes("baked_lattice", std::span(baked_.lattice).size_bytes()),
           bytes("baked_values", std::span(baked_.values).size_bytes()),
-          bytes("places", std::size_t{48} * std::max<std::size_t>(meshes.content().instance_count,
-                                                                  baked_.instances.size()))})
+          bytes("places",
+                std::size_t{48} * std::max<std::size_t>(meshes.content().instance_count, baked_.instances.size()))})
       if (status != HEDDLE_OK) return status;
     return HEDDLE_OK;
   }
@@ -84,11 +84,10 @@ class BakedOcclusion {
 
   heddle_status execute(const Frame& frame) {
     if (frame.stage() == kPlaceStage) return place(frame);
-    for (const heddle_status status :
-         {put<BakedInstance>(frame, "baked_instances", baked_.instances),
-          put<BakedTriangle>(frame, "baked_triangles", baked_.triangles),
-          put<std::uint32_t>(frame, "baked_lattice", baked_.lattice),
-          put<BakedValue>(frame, "baked_values", baked_.values)})
+    for (const heddle_status status : {put<BakedInstance>(frame, "baked_instances", baked_.instances),
+                                       put<BakedTriangle>(frame, "baked_triangles", baked_.triangles),
+                                       put<std::uint32_t>(frame, "baked_lattice", baked_.lattice),
+                                       put<BakedValue>(frame, "baked_values", baked_.values)})
       if (status != HEDDLE_OK) return status;
     is_uploaded_ = true;
     return HEDDLE_OK;
@@ -139,7 +138,8 @@ constexpr heddle_technique kBaked = [] {
   t.stages = list(kStages, t.stage_count);
   t.shaders = list(kShaders, t.shader_count);
   t.device_features = "geometryShader";
-  t.fallback = "none: without it shaders do not know which triangle they shade; bake texels, or choose another technique";
+  t.fallback =
+      "none: without it shaders do not know which triangle they shade; bake texels, or choose another technique";
   return t;
 }();
 

@@ -7,8 +7,8 @@
 #include "bake_directions.hpp"
 #include "depth_maps.hpp"
 
-#include <heddle/pass.hpp>
 #include <heddle/slices.h>
+#include <heddle/pass.hpp>
 #include <heddle/views.hpp>
 
 #include <cstring>
@@ -42,7 +42,7 @@ constexpr double kResolutionLadder[] = {256, 512, 1024, 2048};
 constexpr double kSpacingLadder[] = {1, 0.5, 0.25, 0.125};
 constexpr double kFormatLadder[] = {2, 1, 0};
 constexpr heddle_parameter kParameters[] = {
-    knob(integer("directions", "1", 1, 16384, 512, "over the whole sphere, shared by all elements"), kDirectionLadder),
+    knob(integer("directions", "1", 1, 16384, 256, "over the whole sphere, shared by all elements"), kDirectionLadder),
     knob(integer("resolution", "px", 16, 4096, 1024, "side of a depth map", HEDDLE_PARAMETER_REDECLARE),
          kResolutionLadder),
     choice("elements", kElementKinds, 0,
@@ -55,7 +55,8 @@ constexpr heddle_parameter kParameters[] = {
     parameter("inset", "1", 0, 0.5, 0.1, "of the spacing: how far elements lie off the rims of smooth parts",
               HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
     parameter("bias", "px", 0, 16, 1, "texels of a depth map along the surface that an element reaches over"),
-    parameter("bias_limit", "1", 0, 1000, 8, "largest slope that the bias follows; 0: all, and leaks at grazing angles"),
+    parameter("bias_limit", "1", 0, 1000, 8,
+              "largest slope that the bias follows; 0: all, and leaks at grazing angles"),
     knob(choice("depth_format", kDepthFormats, 0, "float32, or 16 or 8 bits over the scene's diameter",
                 HEDDLE_PARAMETER_REDECLARE),
          kFormatLadder),
@@ -86,10 +87,19 @@ constexpr heddle_access kSplit[] = {storage_read("elements"), value("directions"
 constexpr heddle_access kCollect[] = {host_read("target")};
 constexpr heddle_access kCompare[] = {host_read("depth_maps")};
 constexpr heddle_access kKeep[] = {host_read("sums"), value("occlusion"), value("report")};
-enum : std::uint32_t { kFitStage, kClearStage, kDrawStage, kSampleStage, kSplitStage, kCollectStage, kCompareStage, kKeepStage };
+enum : std::uint32_t {
+  kFitStage,
+  kClearStage,
+  kDrawStage,
+  kSampleStage,
+  kSplitStage,
+  kCollectStage,
+  kCompareStage,
+  kKeepStage
+};
 constexpr heddle_stage kStages[] = {
-    cpu_stage("fit", kFit),         gpu_stage("clear", kClear),       gpu_stage("draw", kDraw),
-    gpu_stage("sample", kSample),   gpu_stage("split", kSplit),       cpu_stage("collect", kCollect),
+    cpu_stage("fit", kFit),         gpu_stage("clear", kClear), gpu_stage("draw", kDraw),
+    gpu_stage("sample", kSample),   gpu_stage("split", kSplit), cpu_stage("collect", kCollect),
     cpu_stage("compare", kCompare), cpu_stage("keep", kKeep),
 };
 constexpr heddle_shader kShaders[] = {
@@ -100,7 +110,7 @@ constexpr heddle_shader kShaders[] = {
 };
 
 constexpr std::uint64_t kMostMapBytes = 256U << 20;  // of the depth maps of a slice
-constexpr double kBorderTexels = 2;                  // around the bounding sphere: elements on its rim have a texel (H11)
+constexpr double kBorderTexels = 2;  // around the bounding sphere: elements on its rim have a texel (H11)
 /// Of the scene's diameter: what float32 rounds in a few products and sums, a few times over.
 constexpr double kRounding = 0x1p-20;
 constexpr std::uint32_t kFillSteps = 8;  // elements that `fill` reaches; as many texels a gutter is wide
@@ -142,9 +152,9 @@ class DepthMaps {
       target.width = BAKE_TARGET_WIDTH;
       target.height = static_cast<std::uint32_t>((count + BAKE_TARGET_WIDTH - 1) / BAKE_TARGET_WIDTH);
     }
-    for (const auto& [name, shape] : {std::pair("depth_maps", maps), std::pair("elements", elements),
-                                      std::pair("sums", sums), std::pair("directions", directions),
-                                      std::pair("target", target)})
+    for (const auto& [name, shape] :
+         {std::pair("depth_maps", maps), std::pair("elements", elements), std::pair("sums", sums),
+          std::pair("directions", directions), std::pair("target", target)})
       if (const heddle_status status = host.set_shape(name, shape); status != HEDDLE_OK) return status;
     return HEDDLE_OK;
   }
@@ -153,11 +163,15 @@ class DepthMaps {
     const bool is_due = [&] {
       switch (frame.stage()) {
         case kClearStage:
-        case kSampleStage: return pipeline_ == kFloatSums;
+        case kSampleStage:
+          return pipeline_ == kFloatSums;
         case kSplitStage:
-        case kCollectStage: return is_split();
-        case kCompareStage: return pipeline_ == kCpuCompare;
-        default: return true;
+        case kCollectStage:
+          return is_split();
+        case kCompareStage:
+          return pipeline_ == kCpuCompare;
+        default:
+          return true;
       }
     }();
     return is_due && (frame.stage() == kFitStage || frame.stage() == kKeepStage || !set_.elements.empty())
@@ -167,19 +181,27 @@ class DepthMaps {
 
   heddle_status record(const Frame& frame) {
     switch (frame.stage()) {
-      case kClearStage: return frame.dispatch("clear", groups(), 1, 1, push(frame, 0, 0));
-      case kDrawStage: return draw(frame);
-      case kSampleStage: return sample(frame);
-      default: return split(frame);
+      case kClearStage:
+        return frame.dispatch("clear", groups(), 1, 1, push(frame, 0, 0));
+      case kDrawStage:
+        return draw(frame);
+      case kSampleStage:
+        return sample(frame);
+      default:
+        return split(frame);
     }
   }
 
   heddle_status execute(const Frame& frame) {
     switch (frame.stage()) {
-      case kFitStage: return fit(frame);
-      case kCollectStage: return collect(frame);
-      case kCompareStage: return compare(frame);
-      default: return keep(frame);
+      case kFitStage:
+        return fit(frame);
+      case kCollectStage:
+        return collect(frame);
+      case kCompareStage:
+        return compare(frame);
+      default:
+        return keep(frame);
     }
   }
 
@@ -237,10 +259,10 @@ class DepthMaps {
     rows_.clear();
     for (const glm::dvec3& s : all) {
       // Relative to the sphere's centre: the instances that the host places there serve all views.
-      HeddleView view = depth_maps::orthographic_view(depth_maps::axes_along(-s), glm::dvec3(0.0),
-                                                      glm::dvec2(half_size_), length_, 0,
-                                                      static_cast<std::uint32_t>(side))
-                            .draw;
+      HeddleView view =
+          depth_maps::orthographic_view(depth_maps::axes_along(-s), glm::dvec3(0.0), glm::dvec2(half_size_), length_, 0,
+                                        static_cast<std::uint32_t>(side))
+              .draw;
       // The near plane is half a length in front of the centre: depth is 1/2 there.
       glm::dmat4 shift(1.0);
       shift[3][2] = -0.5;
@@ -383,8 +405,8 @@ class DepthMaps {
          {"without_side", static_cast<double>(without_side)},
          {"read_backs", static_cast<double>(counted_.read_backs)},
          {"read_bytes", static_cast<double>(counted_.read_bytes)},
-         {"tests", pipeline_ == kSplitRamp || pipeline_ == kGpuCompare ? std::nan("")
-                                                                       : static_cast<double>(counted_.tests)}});
+         {"tests",
+          pipeline_ == kSplitRamp || pipeline_ == kGpuCompare ? std::nan("") : static_cast<double>(counted_.tests)}});
     if (status != HEDDLE_OK) return status;
     return frame.set_value<std::byte>("occlusion", to_bytes(set_.baked));
   }

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // job_probe/...: jobs in slices on the CPU and on the GPU, jobs that look at a mesh, at textures of lights or need a
 // camera, and who reads what they leave. For tests.
-#include <heddle/pass.hpp>
 #include <heddle/slices.h>
+#include <heddle/pass.hpp>
 
 #include <array>
 #include <cmath>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// ambient_occlusion/baked: the hard cases of its role, with bakes of their own; where values are looked up; what a frame
-// costs that finds its artifact.
+// ambient_occlusion/baked: the hard cases of its role, with bakes of their own; where values are looked up; what a
+// frame costs that finds its artifact.
 #include "roles/bake_visibility/baking.hpp"
 
 #include <fmt/format.h>
@@ -22,7 +22,8 @@ std::string frame(const std::vector<std::string>& parameters, const std::string&
   job_file << job(technique);
   for (const std::string& parameter : parameters) job_file << "params." << parameter << '\n';
   return "extent = [96, 64]\noutput = \"ao.visibility\"\n[[pass]]\nrole = \"gbuffer\"\ntechnique = \"raster\"\n"
-         "params.precision = \"float32\"\n[[pass]]\nname = \"ao\"\nrole = \"ambient_occlusion\"\ntechnique = \"baked\"\n"
+         "params.precision = \"float32\"\n[[pass]]\nname = \"ao\"\nrole = \"ambient_occlusion\"\ntechnique = "
+         "\"baked\"\n"
          "inputs.occlusion = \"" +
          file + "#occlusion\"\n";
 }
@@ -140,8 +141,7 @@ TEST(BakedOcclusion, GoesWithWhatMovesAndIsNotBakedAgain) {
   const dmat4 moved = glm::translate(dmat4(1.0), dvec3(0.5, 0, 0));
   for (const std::uint32_t id : {0U, 1U}) {
     const dmat4 place =
-        id == 0 ? moved
-                : moved * glm::scale(glm::translate(dmat4(1.0), dvec3(0, 0.25, 0)), dvec3(0.6, 0.5, 0.6));
+        id == 0 ? moved : moved * glm::scale(glm::translate(dmat4(1.0), dvec3(0, 0.25, 0)), dvec3(0.6, 0.5, 0.6));
     check(heddle_scene_set_instance(scene.handle, id, &place[0][0]));
   }
   scene.look(dvec3(0.5, 2, 2), dvec3(0.5, 0, 0));
@@ -162,7 +162,8 @@ TEST(BakedOcclusion, GoesWithWhatMovesAndIsNotBakedAgain) {
 TEST(BakedOcclusion, TexelsAreLookedUpWithTheirCoordinates) {
   Scene scene;
   // A floor whose texture coordinates are its own, and a wall on its far side.
-  std::vector<float> positions{-1, 0, -1, -1, 0, 1, 1, 0, 1, 1, 0, -1}, uvs{0.1F, 0.1F, 0.1F, 0.9F, 0.9F, 0.9F, 0.9F, 0.1F};
+  std::vector<float> positions{-1, 0, -1, -1, 0, 1, 1, 0, 1, 1, 0, -1},
+      uvs{0.1F, 0.1F, 0.1F, 0.9F, 0.9F, 0.9F, 0.9F, 0.1F};
   scene.add_mesh(positions, {}, {0, 1, 2, 0, 2, 3}, dmat4(1.0), uvs);
   scene.add_box(dvec3(-4, 0, -1.2), dvec3(4, 2, -1));
   scene.look(dvec3(0, 2, 1), dvec3(0, 0, 0));

@@ -20,7 +20,7 @@ void add_city(Scene& scene) {
     }
 }
 
-const std::vector<std::string> kCity{"spacing=0.5", "resolution=256", "fill=false"};
+const std::vector<std::string> kCity{"spacing=1", "resolution=256", "fill=false"};
 
 std::vector<std::string> with(std::vector<std::string> settings, const std::vector<std::string>& more) {
   settings.insert(settings.end(), more.begin(), more.end());
@@ -49,7 +49,7 @@ TEST(DepthMaps, EveryPipelineSeesTheSameBits) {
       EXPECT_TRUE(value.visibility == 0 || value.visibility == 1);
       closed += value.visibility == 0 ? 1 : 0;
     }
-    EXPECT_GT(closed, 50U);
+    EXPECT_GT(closed, 20U);
     for (const char* pipeline : {"cpu_compare", "gpu_compare", "split_ramp"}) {
       const Result other = bake(scene, "depth_maps", with(settings, {std::string("pipeline=") + pipeline}));
       std::size_t differing = 0;
@@ -72,9 +72,17 @@ TEST(DepthMaps, SumsOf8BitsAreWithinTheirRoundingAndReadBackASixteenthAsOften) {
   const Result full = bake(scene, "depth_maps", with(settings, {"pipeline=split_ramp", "passes=17"}));
   // Float32 sums of 256 terms against float64 ones.
   EXPECT_LT(largest_difference(floats, cpu), 2e-6);
+  // A weight is rounded by at most 1/510, with no direction of its own: sqrt(128) / (510 sqrt(3)) over weights of 64,
+  // by half of which each is off. Of thousands of elements the worst is some six times the mean.
   const double bits = largest_difference(floats, split);
-  EXPECT_LT(bits, 5e-4);
+  EXPECT_LT(bits, 6 * std::sqrt(128.0) / (510 * std::sqrt(3.0)) / 64);
   EXPECT_GT(bits, 0);
+  double squares = 0;
+  for (std::size_t v = 0; v < floats.baked.values.size(); ++v)
+    squares += std::pow(static_cast<double>(floats.baked.values[v].visibility - split.baked.values[v].visibility), 2);
+  const double rms = std::sqrt(squares / static_cast<double>(floats.baked.values.size()));
+  fmt::print("8 bits: rms {:.1e}, most {:.1e}\n", rms, bits);
+  EXPECT_LT(rms, 1.5e-4);
   // Integers: the same whenever they are read back, 17 times 15 being 255.
   EXPECT_EQ(largest_difference(each, split), 0);
   EXPECT_EQ(largest_difference(full, split), 0);
@@ -94,8 +102,8 @@ TEST(DepthMaps, SumsOf8BitsAreWithinTheirRoundingAndReadBackASixteenthAsOften) {
 TEST(DepthMaps, EightBitsHoldNoMoreThan17Passes) {
   heddle_graph* graph = nullptr;
   const char* setting = "bake.params.passes=18";
-  EXPECT_EQ(heddle_graph_parse(rendering::Host::get().handle, job("depth_maps").c_str(), "job.toml", "/tmp", &setting, 1,
-                               &graph),
+  EXPECT_EQ(heddle_graph_parse(rendering::Host::get().handle, job("depth_maps").c_str(), "job.toml", "/tmp", &setting,
+                               1, &graph),
             HEDDLE_BAD_INPUT);
   // Why: what 18 passes of the largest half would be.
   EXPECT_EQ(17 * 15, 255);
@@ -106,7 +114,8 @@ TEST(DepthMaps, HalvesOfAWeightAreTheWeight) {
   std::vector<Sums> sums(256);
   std::vector<std::uint8_t> target;
   for (int code = 0; code < 256; ++code)
-    for (const int half : {code / 16, code % 16, code / 16, code % 16}) target.push_back(static_cast<std::uint8_t>(half));
+    for (const int half : {code / 16, code % 16, code / 16, code % 16})
+      target.push_back(static_cast<std::uint8_t>(half));
   collect_split(target, sums);
   for (int code = 0; code < 256; ++code) {
     EXPECT_DOUBLE_EQ(sums[static_cast<std::size_t>(code)].weight, code / 255.0);
@@ -123,8 +132,7 @@ TEST(DepthMaps, MissLessOfWhatRaysSeeTheFinerTheyAre) {
     for (const int seed : {1, 2, 3, 4}) {
       const std::vector<std::string> settings{"spacing=0.5", "fill=false", "directions=1", "set=random",
                                               "seed=" + std::to_string(seed)};
-      const Result maps =
-          bake(scene, "depth_maps", with(settings, {"resolution=" + std::to_string(resolution)}));
+      const Result maps = bake(scene, "depth_maps", with(settings, {"resolution=" + std::to_string(resolution)}));
       const Result rays = bake(scene, "ray_traced", settings);
       for (std::size_t v = 0; v < rays.baked.values.size(); ++v, ++asked)
         differing += rays.baked.values[v].visibility != maps.baked.values[v].visibility ? 1 : 0;
@@ -138,13 +146,14 @@ TEST(DepthMaps, MissLessOfWhatRaysSeeTheFinerTheyAre) {
 }
 
 TEST(DepthMaps, CoarseDepthLosesContacts) {
-  // A board, `gap` above a floor: what is under its middle sees nothing, unless the gap is below a step of depth.
+  // A thin board 8 mm above a floor: what is under its middle sees nothing, unless that is below a step of depth.
   Scene scene;
   scene.add_floor(dvec3(0), 1);
-  scene.add_box(dvec3(-0.9, 0.012, -0.9), dvec3(0.9, 0.03, 0.9));
+  scene.add_box(dvec3(-0.9, 0.008, -0.9), dvec3(0.9, 0.009, 0.9));
   for (const auto& [format, is_seen] : {std::pair("d32", true), std::pair("d16", true), std::pair("d8", false)}) {
-    const Result result = bake(scene, "depth_maps", {"spacing=0.25", "resolution=1024", "directions=256", "fill=false",
-                                                     std::string("depth_format=") + format});
+    const Result result =
+        bake(scene, "depth_maps",
+             {"spacing=0.25", "resolution=1024", "directions=64", "fill=false", std::string("depth_format=") + format});
     double middle = 1;
     for (const Point& p : points(result.baked, 0))
       if (glm::length(p.position) < 0.01) middle = p.visibility;
@@ -181,7 +190,8 @@ void add_charted_box(Scene& scene, double margin) {
 TEST(DepthMaps, TexelsCoverWhatBilinearLookupsTouch) {
   Scene scene;
   add_charted_box(scene, 0.1);
-  const Result result = bake(scene, "depth_maps", {"elements=texels", "spacing=0.05", "directions=64", "resolution=256"});
+  const Result result =
+      bake(scene, "depth_maps", {"elements=texels", "spacing=0.05", "directions=64", "resolution=256"});
   const BakedInstance& record = result.baked.instances[0];
   ASSERT_EQ(record.kind, kTexels);
   // A convex body: every texel that a lookup can touch is open, the gutter too.
@@ -229,8 +239,9 @@ TEST(DepthMaps, TexelsAgreeOnBothSidesOfASeamAndInSlivers) {
     Scene scene;
     add_split_floor(scene, strips);
     scene.add_sphere(dvec3(0, 1.5, 0), 0.8, 32);
-    Result result = bake(scene, "depth_maps", {"elements=texels", "spacing=0.05", "directions=256", "resolution=1024"});
+    Result result = bake(scene, "depth_maps", {"elements=texels", "spacing=0.05", "directions=2048", "resolution=512"});
     ASSERT_EQ(result.baked.instances[0].kind, kTexels) << strips;
+    // Neighbours differ by whole directions, h / 512 each of 2048: with 256 a seam shows that instead.
     double worst = 0;
     for (int i = 1; i < 64; ++i) {
       const double v = 0.05 + 0.9 * i / 64.0;
@@ -267,7 +278,7 @@ TEST(DepthMaps, BentNormalsLeanAwayFromWhatOccludes) {
   Scene scene;
   scene.add_floor(dvec3(0, 0, 1), 1);
   scene.add_box(dvec3(-2, 0, -0.2), dvec3(2, 2, 0));
-  const Result result = bake(scene, "depth_maps", {"spacing=0.25", "directions=1024", "resolution=512"});
+  const Result result = bake(scene, "depth_maps", {"spacing=0.25", "directions=256", "resolution=512"});
   for (const Point& p : points(result.baked, 0)) {
     if (std::abs(p.position.x) > 0.01 || std::abs(p.position.z) > 0.9) continue;
     EXPECT_GT(p.bent.z, 0.1);

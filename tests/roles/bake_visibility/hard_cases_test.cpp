@@ -39,7 +39,8 @@ TEST_P(BakeVisibilityHardCases, H1AConvexBodyIsOpenEverywhere) {
     const Result clamped = run(scene, settings);
     std::size_t acne = 0;
     for (const BakedValue& value : clamped.baked.values) acne += value.visibility < 1 ? 1 : 0;
-    RecordProperty("acne_share", std::to_string(static_cast<double>(acne) / static_cast<double>(clamped.baked.values.size())));
+    RecordProperty("acne_share",
+                   std::to_string(static_cast<double>(acne) / static_cast<double>(clamped.baked.values.size())));
     // Of the weight, (1/8)^2 is at slopes beyond the limit.
     EXPECT_GE(least(clamped.baked), 1 - 1.0 / 64) << body;
     if (is_traced()) {
@@ -134,8 +135,8 @@ TEST_P(BakeVisibilityHardCases, H6WhatIsDegenerateGivesNumbers) {
   Scene scene;
   scene.add_floor(dvec3(0), 1);
   // One proper triangle, one without area, one that is a point; a vertex's normal is zero.
-  scene.add_mesh({0, 1, 0, 1, 1, 0, 0, 1, 1, 2, 1, 0, 3, 1, 0, 5, 5, 5}, {0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0},
-                 {0, 2, 1, 1, 3, 4, 5, 5, 5}, dmat4(1.0));
+  scene.add_mesh({0, 1, 0, 1, 1, 0, 0, 1, 1, 2, 1, 0, 3, 1, 0, 5, 5, 5},
+                 {0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0}, {0, 2, 1, 1, 3, 4, 5, 5, 5}, dmat4(1.0));
   scene.add_mesh({0, 0, 0, 1, 0, 0, 0, 0, 1}, {0, 1, 0, 0, 1, 0, 0, 1, 0}, {0, 2, 1}, dmat4(0.0));
   const Result result = run(scene, {"spacing=0.5", "directions=64"});
   for (const BakedValue& value : result.baked.values) {
