@@ -470,4 +470,23 @@ inline void fill_gaps(ElementSet& set, bool is_filling, std::uint32_t steps) {
   }
 }
 
+inline constexpr std::uint32_t kFillSteps = 8;  // elements that `fill` reaches; as many texels a gutter is wide
+
+/// Elements that see nothing, and those that have no side to see from.
+struct Blind {
+  std::uint64_t closed = 0, without_side = 0;
+};
+/// All answers into the artifact. sums: parallel to the elements.
+inline Blind set_values(ElementSet& set, std::span<const Sums> sums, bool is_filling, std::size_t directions) {
+  Blind blind;
+  for (std::size_t e = 0; e < sums.size(); ++e) {
+    set_value(set.baked, set.elements[e], sums[e]);
+    blind.without_side += sums[e].weight > 0 ? 0 : 1;
+    blind.closed += sums[e].weight > 0 && sums[e].open == 0 ? 1 : 0;
+  }
+  fill_gaps(set, is_filling, kFillSteps);
+  set.baked.direction_count = static_cast<std::uint32_t>(directions);
+  return blind;
+}
+
 }  // namespace baked_visibility

@@ -113,7 +113,6 @@ constexpr std::uint64_t kMostMapBytes = 256U << 20;  // of the depth maps of a s
 constexpr double kBorderTexels = 2;  // around the bounding sphere: elements on its rim have a texel (H11)
 /// Of the scene's diameter: what float32 rounds in a few products and sums, a few times over.
 constexpr double kRounding = 0x1p-20;
-constexpr std::uint32_t kFillSteps = 8;  // elements that `fill` reaches; as many texels a gutter is wide
 
 /// What outlasts a process, before the sums of pipelines that add up on the CPU.
 struct Counted {
@@ -384,14 +383,7 @@ class DepthMaps {
         counted_.tests += static_cast<std::uint64_t>(weights.z);
       }
     }
-    std::uint64_t without_side = 0, closed = 0;
-    for (std::size_t e = 0; e < sums_.size(); ++e) {
-      set_value(set_.baked, set_.elements[e], sums_[e]);
-      without_side += sums_[e].weight > 0 ? 0 : 1;
-      closed += sums_[e].weight > 0 && sums_[e].open == 0 ? 1 : 0;
-    }
-    fill_gaps(set_, host.toggle("fill"), kFillSteps);
-    set_.baked.direction_count = static_cast<std::uint32_t>(views_.size());
+    const Blind blind = set_values(set_, sums_, host.toggle("fill"), views_.size());
     for (const std::string& remark : set_.remarks)
       if (const heddle_status status = frame.add_row("report", HEDDLE_SEVERITY_WARNING, remark); status != HEDDLE_OK)
         return status;
@@ -401,8 +393,8 @@ class DepthMaps {
          {"directions", static_cast<double>(views_.size())},
          {"spacing", set_.spacing},
          {"texel", 2.0 * half_size_ / host.integer("resolution")},
-         {"closed", static_cast<double>(closed)},
-         {"without_side", static_cast<double>(without_side)},
+         {"closed", static_cast<double>(blind.closed)},
+         {"without_side", static_cast<double>(blind.without_side)},
          {"read_backs", static_cast<double>(counted_.read_backs)},
          {"read_bytes", static_cast<double>(counted_.read_bytes)},
          {"tests",

@@ -41,7 +41,6 @@ constexpr heddle_stage kStages[] = {cpu_stage("trace", kTrace)};
 
 constexpr unsigned kPacket = 16;
 constexpr std::size_t kRaysPerSlice = 1U << 21;
-constexpr std::uint32_t kFillSteps = 8;  // as in depth_maps
 /// Units in the last place of the largest coordinate that a ray starts off its surface, as ambient_occlusion/ray_traced
 /// does: vertices and intersections are float32.
 constexpr double kLiftUlps = 8;
@@ -224,14 +223,7 @@ class RayTraced {
   }
 
   heddle_status keep(const Frame& frame) {
-    std::uint64_t without_side = 0, closed = 0;
-    for (std::size_t e = 0; e < sums_.size(); ++e) {
-      set_value(set_.baked, set_.elements[e], sums_[e]);
-      without_side += sums_[e].weight > 0 ? 0 : 1;
-      closed += sums_[e].weight > 0 && sums_[e].open == 0 ? 1 : 0;
-    }
-    fill_gaps(set_, frame.host().toggle("fill"), kFillSteps);
-    set_.baked.direction_count = static_cast<std::uint32_t>(directions_.size());
+    const Blind blind = set_values(set_, sums_, frame.host().toggle("fill"), directions_.size());
     for (const std::string& remark : set_.remarks)
       if (const heddle_status status = frame.add_row("report", HEDDLE_SEVERITY_WARNING, remark); status != HEDDLE_OK)
         return status;
@@ -239,8 +231,8 @@ class RayTraced {
                                                {{"elements", static_cast<double>(set_.elements.size())},
                                                 {"directions", static_cast<double>(directions_.size())},
                                                 {"spacing", set_.spacing},
-                                                {"closed", static_cast<double>(closed)},
-                                                {"without_side", static_cast<double>(without_side)}});
+                                                {"closed", static_cast<double>(blind.closed)},
+                                                {"without_side", static_cast<double>(blind.without_side)}});
     occluders_.reset();
     if (status != HEDDLE_OK) return status;
     return frame.set_value<std::byte>("occlusion", to_bytes(set_.baked));
