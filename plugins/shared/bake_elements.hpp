@@ -82,7 +82,8 @@ inline Layout make_lattice(const heddle_scene_mesh& mesh, double spacing) {
   std::map<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t>, std::uint32_t> known;
   const std::uint32_t triangle_count = mesh.index_count / 3;
   for (std::uint32_t t = 0; t < triangle_count; ++t) {
-    const std::array<std::uint32_t, 3> corner{mesh.indices[3 * t], mesh.indices[3 * t + 1], mesh.indices[3 * t + 2]};
+    const std::uint32_t* first = mesh.indices + std::size_t{3} * t;
+    const std::array<std::uint32_t, 3> corner{first[0], first[1], first[2]};
     std::array<glm::dvec3, 3> p;
     for (std::size_t k = 0; k < 3; ++k) p[k] = position_of(mesh.vertices[corner[k]]);
     double longest = 0;

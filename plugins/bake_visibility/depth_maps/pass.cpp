@@ -140,9 +140,9 @@ class DepthMaps {
     maps.width = maps.height = side;
     maps.layers = batch_;
     heddle_shape elements{};
-    elements.byte_size = 16 * BAKE_VECTORS_PER_ELEMENT * count;
+    elements.byte_size = 16ULL * BAKE_VECTORS_PER_ELEMENT * count;
     heddle_shape sums{};
-    sums.byte_size = 16 * BAKE_VECTORS_PER_SUM * (pipeline_ == kFloatSums ? count : 1);
+    sums.byte_size = 16ULL * BAKE_VECTORS_PER_SUM * (pipeline_ == kFloatSums ? count : 1);
     heddle_shape directions{};
     directions.byte_size = 16ULL * BAKE_VECTORS_PER_DIRECTION * static_cast<std::uint64_t>(host.integer("directions"));
     heddle_shape target{};
