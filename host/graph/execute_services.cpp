@@ -138,7 +138,9 @@ constexpr heddle_meshes_service kMeshesService{sizeof(heddle_meshes_service), 0,
 
 const void* service(const heddle_pass_host*, const char* id) {
   if (std::strcmp(id, HEDDLE_COMPONENTS_SERVICE) == 0) return &kComponentsService;
-  return std::strcmp(id, HEDDLE_MESHES_SERVICE) == 0 ? &kMeshesService : views_service(id);
+  if (std::strcmp(id, HEDDLE_MESHES_SERVICE) == 0) return &kMeshesService;
+  const void* slices = slices_service(id);
+  return slices != nullptr ? slices : views_service(id);
 }
 
 }  // namespace heddle::graph

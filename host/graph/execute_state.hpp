@@ -110,6 +110,12 @@ struct PassState {
       nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
   vulkan::GeneratedTexts texts;
   std::string resolved_path;  // the last answer of resolve_path
+  // Slices that several stages do together (execute_slices.cpp): with which scheduled stage the next one begins, where
+  // a stage has just asked for it; and how often they have begun anew.
+  std::optional<std::uint32_t> again;
+  std::uint32_t slice = 0;
+  std::chrono::steady_clock::time_point began, told, saved;
+  std::chrono::steady_clock::duration saving{};
   std::map<std::string, ShaderState, std::less<>> shaders;
   vulkan::Buffer parameters;
   vulkan::ParameterLayout layout;
@@ -376,9 +382,13 @@ struct Executor::State : FrameMemory {
   void run_slices(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const heddle_frame_info& seen,
                   const std::string& key);
   void begin_slice(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
+  void run_again(std::uint32_t last, bool is_profiled);
+  [[nodiscard]] std::vector<Barrier> barriers_again(std::uint32_t stage) const;
   [[nodiscard]] bool is_stop_asked() const;
   void save_unfinished(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const std::string& key);
   void load_unfinished(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const std::string& key);
+  [[nodiscard]] std::optional<std::uint32_t> first_of(const PassState& pass, const ScheduledStage& stage,
+                                                      const ArtifactParts& parts) const;
   void put_back(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const ArtifactParts& parts);
   void begin_anew(const PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   [[nodiscard]] std::vector<std::string> device_outputs(const PassState& pass, const ScheduledStage& stage) const;

@@ -207,6 +207,50 @@ Technique ray_traced() {
   return t;
 }
 
+Technique baked() {
+  Technique t = technique("ambient_occlusion/baked");
+  Port values = port("baked_values", PortType::kBuffer, Direction::kOut, HEDDLE_PORT_KEPT);
+  values.byte_size = 4096;
+  values.glsl = "uvec2 baked_values[];";
+  t.ports = {surfaces_in("surfaces"),
+             value_in("camera"),
+             image_in("depth_buffer"),
+             port("occlusion", PortType::kArtifact, Direction::kIn),
+             values,
+             image_out("visibility", VK_FORMAT_R32_SFLOAT)};
+  t.stages = {
+      {"upload", StageKind::kCpu, {value("occlusion"), touch("baked_values", HEDDLE_ACCESS_HOST_WRITE)}},
+      {"look",
+       StageKind::kGpu,
+       {touch("surfaces", HEDDLE_ACCESS_DRAW), value("camera"), touch("baked_values", HEDDLE_ACCESS_STORAGE_READ),
+        touch("visibility", HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_CLEAR), touch("depth_buffer", HEDDLE_ACCESS_DEPTH_READ)}}};
+  t.shaders = {shader("baked", ShaderKind::kSurfaces, "look")};
+  return t;
+}
+
+Technique bake_depth_maps() {
+  Technique t = technique("bake_visibility/depth_maps");
+  Port sums = port("sums", PortType::kBuffer, Direction::kOut);
+  sums.byte_size = 4096;
+  sums.glsl = "vec4 sums[];";
+  t.ports = {surfaces_in("surfaces"), port("occlusion", PortType::kArtifact, Direction::kOut),
+             port("report", PortType::kReport, Direction::kOut), sums,
+             image_out_sized("depth_maps", VK_FORMAT_D32_SFLOAT, 256, 256, 0, 8)};
+  t.parameters = {parameter("directions", ParameterType::kInt, "1", 1, 16384, 512),
+                  parameter("spacing", ParameterType::kFloat, "m", 1e-4, 1e4, 0.25)};
+  t.stages = {{"clear", StageKind::kGpu, {written("sums")}},
+              {"draw",
+               StageKind::kGpu,
+               {touch("surfaces", HEDDLE_ACCESS_DRAW), touch("depth_maps", HEDDLE_ACCESS_DEPTH, HEDDLE_LOAD_CLEAR)}},
+              {"sample", StageKind::kGpu, {sampled("depth_maps"), touch("sums", HEDDLE_ACCESS_STORAGE_READ_WRITE)}},
+              {"keep", StageKind::kCpu, {touch("sums", HEDDLE_ACCESS_HOST_READ), value("occlusion"), value("report")}}};
+  Shader depth_only = shader("depth", ShaderKind::kSurfaces, "draw");
+  depth_only.file.clear();
+  t.shaders = {shader("clear", ShaderKind::kCompute, "clear"), depth_only,
+               shader("sample", ShaderKind::kCompute, "sample")};
+  return t;
+}
+
 Technique shadow_map() {
   Technique t = technique("shadow/shadow_map");
   Port views = port("shadow_views", PortType::kValue, Direction::kOut);
@@ -391,9 +435,10 @@ PluginFolder::PluginFolder() {
   std::string pattern = (fs::temp_directory_path() / "heddle-graph-XXXXXX").string();
   if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
   folder_ = pattern;
-  for (const Technique& t : {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(),
-                             gtao(), ray_traced(), shadow_map(), ray_marched_screen(), ggx(), tiled(), heat_map(),
-                             deferred(), supersampled(), sorted(), display(), paint_dots()}) {
+  for (const Technique& t :
+       {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(), gtao(), ray_traced(),
+        baked(), bake_depth_maps(), shadow_map(), ray_marched_screen(), ggx(), tiled(), heat_map(), deferred(),
+        supersampled(), sorted(), display(), paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());
