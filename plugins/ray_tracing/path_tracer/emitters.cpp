@@ -85,8 +85,7 @@ void Emitters::update(std::span<const HeddleLight> lights, std::span<const glm::
   surfaces_ = &surfaces;
   textures_.assign(light_textures.begin(), light_textures.end());
   lights_.clear();
-  far_.clear();
-  boxes_.clear();
+  outside_.clear();
   triangles_.clear();
   emitter_of_.clear();
   std::vector<LightBounds> bounds;
@@ -95,8 +94,8 @@ void Emitters::update(std::span<const HeddleLight> lights, std::span<const glm::
     lights_.emplace_back(record, origin, textures_);
     bounds.push_back(bounds_of(lights_.back()));
     const bool is_dark = !(mean_of(lights_.back().intensity) > 0.0);
-    if (record.type == HEDDLE_LIGHT_DIRECTIONAL && !is_dark) far_.push_back(index);
-    if (record.type == HEDDLE_LIGHT_BOX && !is_dark) boxes_.push_back(index);
+    if ((record.type == HEDDLE_LIGHT_DIRECTIONAL || record.type == HEDDLE_LIGHT_BOX) && !is_dark)
+      outside_.push_back(index);
   }
   for (std::uint32_t triangle = 0; glows && triangle < geometry.triangle_count(); ++triangle) {
     if (!surfaces.can_shine(triangle)) continue;
@@ -130,14 +129,22 @@ void Emitters::update(std::span<const HeddleLight> lights, std::span<const glm::
   tree_.build(bounds);
 }
 
-std::uint32_t Emitters::count_far(const dvec3& point) const {
-  std::uint32_t count = static_cast<std::uint32_t>(far_.size()) + (sky_->shines() ? 1U : 0U);
-  for (const std::uint32_t box : boxes_) count += lights_[box].is_in_box(point) ? 1U : 0U;
-  return count;
+double Emitters::weight_of(const Light& light, const dvec3& point, const dvec3& normal) const {
+  const double value = mean_of(light.intensity);
+  if (light.record.type == HEDDLE_LIGHT_BOX && !light.is_in_box(point)) return 0.0;
+  // The sine of a sum of angles is at most the sum of the first's sine and the second.
+  const double cosine = -glm::dot(normal, light.direction) + (light.is_disc() ? light.radius : 0.0);
+  return cosine > 0.0 ? value * std::max(cosine, 1e-3) : 0.0;
 }
 
-double Emitters::share_of_each(const dvec3& point) const {
-  return 1.0 / std::max(count_far(point) + (tree_.is_empty() ? 0U : 1U), 1U);
+Emitters::Weights Emitters::weigh(const dvec3& point, const dvec3& normal) const {
+  Weights weights;
+  weights.sky = sky_->mean_irradiance();
+  weights.tree = tree_.importance(point, normal);
+  weights.add(weights.sky);
+  weights.add(weights.tree);
+  for (const std::uint32_t i : outside_) weights.add(weight_of(lights_[i], point, normal));
+  return weights;
 }
 
 LightSample Emitters::sample_near(const dvec3& point, const dvec3& normal, double u_choice, const dvec2& u) const {
@@ -171,48 +178,46 @@ LightSample Emitters::sample_near(const dvec3& point, const dvec3& normal, doubl
 }
 
 LightSample Emitters::sample(const dvec3& point, const dvec3& normal, double u_choice, const dvec2& u) const {
-  const std::uint32_t far = count_far(point), all = far + (tree_.is_empty() ? 0U : 1U);
-  if (all == 0) return {};
-  const double scaled = u_choice * all;
-  auto chosen = std::min(static_cast<std::uint32_t>(scaled), all - 1);
-  const double rest = std::min(scaled - chosen, 1.0 - 0x1p-53);
+  const Weights weights = weigh(point, normal);
+  if (weights.count == 0) return {};
   LightSample sample;
-  if (chosen == far) {
-    sample = sample_near(point, normal, rest, u);
-    sample.probability /= all;
+  double rest = u_choice;
+  const auto takes = [&](double weight) {
+    const double share = weights.share(weight);
+    if (rest < share) {
+      sample.probability = share;
+      return true;
+    }
+    rest -= share;
+    return false;
+  };
+  // Rounding may leave a hair of u to nobody: the tree comes last, and takes it if it can.
+  if (takes(weights.sky)) {
+    const SkyMap::Drawn drawn = sky_->sample(u);
+    sample.arrival = {drawn.direction, kInfinity, sky_->radiance(drawn.direction), drawn.pdf};
+    sample.has_size = sample.can_be_met = true;
     return sample;
   }
-  sample.probability = 1.0 / all;
-  if (sky_->shines()) {
-    if (chosen == 0) {
-      const SkyMap::Drawn drawn = sky_->sample(u);
-      sample.arrival = {drawn.direction, kInfinity, sky_->radiance(drawn.direction), drawn.pdf};
-      sample.has_size = sample.can_be_met = true;
-      return sample;
-    }
-    --chosen;
+  for (const std::uint32_t i : outside_) {
+    const Light& light = lights_[i];
+    if (!takes(weight_of(light, point, normal))) continue;
+    sample.has_size = light.has_size();
+    sample.arrival = sample.has_size ? sample_light(light, point, u, textures_) : arrival_without_size(light, point);
+    sample.casts_shadow = light.casts_shadow;
+    sample.can_be_met = light.casts_shadow;
+    return sample;
   }
-  std::uint32_t index = ~0U;
-  if (chosen < far_.size()) {
-    index = far_[chosen];
-  } else {
-    chosen -= static_cast<std::uint32_t>(far_.size());
-    for (const std::uint32_t box : boxes_)
-      if (lights_[box].is_in_box(point) && chosen-- == 0) {
-        index = box;
-        break;
-      }
-  }
-  const Light& light = lights_[index];
-  sample.has_size = light.has_size();
-  sample.arrival = sample.has_size ? sample_light(light, point, u, textures_) : arrival_without_size(light, point);
-  sample.casts_shadow = light.casts_shadow;
-  sample.can_be_met = light.casts_shadow;
+  const double share = weights.share(weights.tree);
+  if (!(share > 0.0)) return {};
+  sample = sample_near(point, normal, std::min(rest / share, 1.0 - 0x1p-53), u);
+  sample.probability *= share;
   return sample;
 }
 
-double Emitters::pdf_sky(const dvec3& point, const dvec3& direction) const {
-  return sky_->shines() ? sky_->pdf(direction) * share_of_each(point) : 0.0;
+double Emitters::pdf_sky(const dvec3& point, const dvec3& normal, const dvec3& direction) const {
+  if (!sky_->shines()) return 0.0;
+  const Weights weights = weigh(point, normal);
+  return sky_->pdf(direction) * weights.share(weights.sky);
 }
 
 double Emitters::pdf_triangle(const dvec3& point, const dvec3& normal, std::uint32_t triangle, const Foot& foot,
@@ -220,8 +225,9 @@ double Emitters::pdf_triangle(const dvec3& point, const dvec3& normal, std::uint
   if (emitter_of_.empty() || emitter_of_[triangle] == ~0U) return 0.0;
   const double cosine = std::abs(glm::dot(direction, foot.facet));
   if (!(cosine > 0.0)) return 0.0;
+  const Weights weights = weigh(point, normal);
   return distance * distance / (cosine * foot.area) * tree_.probability(point, normal, emitter_of_[triangle]) *
-         share_of_each(point);
+         weights.share(weights.tree);
 }
 
 }  // namespace heddle::path_tracer

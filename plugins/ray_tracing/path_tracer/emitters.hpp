@@ -36,10 +36,10 @@ class Emitters {
             const Add& add) const;
   /// The same of the discs of suns, for rays that meet nothing.
   template <typename Add>
-  void meet_discs(const glm::dvec3& point, const glm::dvec3& direction, const Add& add) const;
+  void meet_discs(const glm::dvec3& point, const glm::dvec3& normal, const glm::dvec3& direction, const Add& add) const;
 
   /// Density per steradian with which sample() draws the sky in this direction.
-  [[nodiscard]] double pdf_sky(const glm::dvec3& point, const glm::dvec3& direction) const;
+  [[nodiscard]] double pdf_sky(const glm::dvec3& point, const glm::dvec3& normal, const glm::dvec3& direction) const;
   /// ... and a point of a glowing triangle, `distance` away; 0 if it is no emitter.
   [[nodiscard]] double pdf_triangle(const glm::dvec3& point, const glm::dvec3& normal, std::uint32_t triangle,
                                     const Foot& foot, const glm::dvec3& direction, double distance) const;
@@ -50,14 +50,27 @@ class Emitters {
   [[nodiscard]] std::size_t triangle_count() const { return triangles_.size(); }
 
  private:
-  [[nodiscard]] std::uint32_t count_far(const glm::dvec3& point) const;
-  [[nodiscard]] double share_of_each(const glm::dvec3& point) const;  // of far ones, and of the tree
+  /// What chooses among the sky, the tree, and lights that are not in the tree: half by how much each may send, half
+  /// evenly among those that may send anything.
+  struct Weights {
+    double sky = 0.0, tree = 0.0, sum = 0.0;
+    std::uint32_t count = 0;
+    void add(double weight) {
+      sum += weight;
+      count += weight > 0.0 ? 1U : 0U;
+    }
+    [[nodiscard]] double share(double weight) const {
+      return weight > 0.0 ? 0.5 * (weight / sum + 1.0 / count) : 0.0;
+    }
+  };
+  [[nodiscard]] Weights weigh(const glm::dvec3& point, const glm::dvec3& normal) const;
+  /// Of a light that is not in the tree: about the lux that it sends; 0 only where it sends none.
+  [[nodiscard]] double weight_of(const Light& light, const glm::dvec3& point, const glm::dvec3& normal) const;
   [[nodiscard]] LightSample sample_near(const glm::dvec3& point, const glm::dvec3& normal, double u_choice,
                                         const glm::dvec2& u) const;
 
   std::vector<Light> lights_;
-  std::vector<std::uint32_t> far_;        // directional lights
-  std::vector<std::uint32_t> boxes_;
+  std::vector<std::uint32_t> outside_;    // of the tree: directional lights and boxes
   std::vector<std::uint32_t> triangles_;  // emitters of the tree from lights_.size() on
   std::vector<std::uint32_t> emitter_of_; // by triangle, ~0: none; empty if no triangle glows
   std::vector<glm::vec4> textures_;
@@ -73,16 +86,19 @@ void Emitters::meet(const glm::dvec3& point, const glm::dvec3& normal, const glm
   tree_.meet(point, direction, length, [&](std::uint32_t emitter) {
     if (emitter >= lights_.size() || !lights_[emitter].casts_shadow) return;
     const Arrival met = meet_light(lights_[emitter], point, direction, first, length, textures_);
-    if (met.pdf > 0.0) add(met.value, met.pdf * tree_.probability(point, normal, emitter) * share_of_each(point));
+    if (!(met.pdf > 0.0)) return;
+    const Weights weights = weigh(point, normal);
+    add(met.value, met.pdf * tree_.probability(point, normal, emitter) * weights.share(weights.tree));
   });
 }
 
 template <typename Add>
-void Emitters::meet_discs(const glm::dvec3& point, const glm::dvec3& direction, const Add& add) const {
-  for (const std::uint32_t i : far_) {
+void Emitters::meet_discs(const glm::dvec3& point, const glm::dvec3& normal, const glm::dvec3& direction,
+                          const Add& add) const {
+  for (const std::uint32_t i : outside_) {
     if (!lights_[i].is_disc() || !lights_[i].casts_shadow) continue;
     const Arrival met = meet_light(lights_[i], point, direction, 0.0, 0.0, textures_);
-    if (met.pdf > 0.0) add(met.value, met.pdf * share_of_each(point));
+    if (met.pdf > 0.0) add(met.value, met.pdf * weigh(point, normal).share(weight_of(lights_[i], point, normal)));
   }
 }
 

@@ -172,11 +172,11 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
       emitters->meet(from, from_normal, ray.direction, travelled * (1.0 + kShapeSlack), reached * (1.0 + kShapeSlack),
                      [&](const dvec3& value, double pdf) { add(value * weight(from_pdf, pdf)); });
     if (!is_hit) {
-      const double pdf = bounces > 0 ? emitters->pdf_sky(from, ray.direction) : 0.0;
+      const double pdf = bounces > 0 ? emitters->pdf_sky(from, from_normal, ray.direction) : 0.0;
       if (emitters->sky().shines())
         add(emitters->sky().radiance(ray.direction) * (bounces > 0 ? weight(from_pdf, pdf) : 1.0));
       if (bounces > 0)
-        emitters->meet_discs(from, ray.direction,
+        emitters->meet_discs(from, from_normal, ray.direction,
                              [&](const dvec3& value, double other) { add(value * weight(from_pdf, other)); });
       break;
     }

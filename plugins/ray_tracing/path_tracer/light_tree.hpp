@@ -4,6 +4,7 @@
 
 #include <glm/glm.hpp>
 
+#include <algorithm>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -33,6 +34,10 @@ class LightTree {
   void build(std::span<const LightBounds> bounds);
   [[nodiscard]] bool is_empty() const { return nodes_.empty(); }
 
+  /// About the light of all of them at a point; 0 only where there is none.
+  [[nodiscard]] double importance(const glm::dvec3& point, const glm::dvec3& normal) const {
+    return nodes_.empty() ? 0.0 : nodes_.front().bounds.importance(point, normal);
+  }
   struct Choice {
     std::uint32_t emitter = 0;
     double probability = 0.0;  // 0: nothing arrives at this point

@@ -18,6 +18,8 @@ class SkyMap {
 
   /// True if it sends light at all.
   [[nodiscard]] bool shines() const { return total_ > 0.0; }
+  /// Lux on a plane, as if the sky were even.
+  [[nodiscard]] double mean_irradiance() const { return total_ / 12.0; }
   /// cd/m^2 from a unit direction, bilinear between the centres of texels.
   [[nodiscard]] glm::dvec3 radiance(const glm::dvec3& direction) const;
   struct Drawn {
