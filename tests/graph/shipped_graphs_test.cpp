@@ -78,7 +78,7 @@ TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
        {"sky/procedural", "sky/uniform", "sky/environment_map", "subdivision/catmull_clark", "gbuffer/raster",
         "ambient_occlusion/gtao", "ambient_occlusion/ray_traced", "shadow/shadow_map", "shadow/ray_marched_screen",
         "surface_material/ggx", "light_assignment/tiled", "light_count/heat_map", "lighting/deferred",
-        "transparency/sorted", "display/linear"})
+        "ray_tracing/path_tracer", "transparency/sorted", "display/linear"})
     if (registry.find(id).technique == nullptr) GTEST_SKIP() << id << " is not built";
   const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface"};
   prove(GetParam(), registry, {});

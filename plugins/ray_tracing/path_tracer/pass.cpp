@@ -51,12 +51,12 @@ constexpr double kBounceLadder[] = {1, 2, 4, 8, 16, 0};
 constexpr double kSkyLadder[] = {64, 128, 256, 512, 1024};
 
 constexpr heddle_parameter kParameters[] = {
-    knob(integer("samples", "1", 1, 1 << 24, 64, "paths a pixel; powers of two times 8 fill the square most evenly"),
+    knob(integer("samples", "1", 1, 1000000, 64, "paths a pixel; powers of two times 8 fill the square most evenly"),
          kSampleLadder),
     parameter("target_error", "1", 0, 1, 0,
               "ends once the standard error, over all pixels, is this share of the mean radiance; 0: never before "
               "`samples`"),
-    integer("samples_per_frame", "1", 0, 1 << 24, 0, "how many of them in one frame; 0: all"),
+    integer("samples_per_frame", "1", 0, 1000000, 0, "how many of them in one frame; 0: all"),
     choice("points", kPoints, 0, "sobol: Owen-scrambled Sobol points; independent: numbers without plan"),
     choice("filter", kFilters, 0, "box: rays anywhere in the pixel; point: through its centre, as rasterizers look"),
     knob(integer("bounces", "1", 0, 65535, 0, "reflections of light, at most; 0: as many as there are"), kBounceLadder),
@@ -67,7 +67,7 @@ constexpr heddle_parameter kParameters[] = {
     toggle("blended_shadows", true, "light that passes through blended surfaces is tinted by them; else it is not"),
     toggle("visibility", false, "makes `occlusion` and `shadow` too, for up to two more rays a sample"),
     parameter("occlusion_radius", "m", 1e-6, 1e9, 0.5, "distance from which on a surface no longer occludes"),
-    integer("shadow_light", "1", -1, 1 << 30, -1, "whose shadow: the light's number; -1: the first that casts one"),
+    integer("shadow_light", "1", -1, 1000000, -1, "whose shadow: the light's number; -1: the first that casts one"),
     knob(integer("sky_resolution", "px", 8, 8192, 256,
                  "rows of the image of the sky; an environment of more rows has its own"),
          kSkyLadder),

@@ -32,14 +32,21 @@ class SkyMap {
  private:
   [[nodiscard]] glm::dvec2 place(const glm::dvec3& direction) const;  // in texels
   [[nodiscard]] glm::dvec3 texel(std::int64_t column, std::int64_t row) const;
-  [[nodiscard]] double weight(std::uint32_t column, std::uint32_t row) const;  // of a cell
-  [[nodiscard]] double solid_angle(std::uint32_t row) const;                   // of a cell
+  /// A piece between four places where brightness is known and between which it is bilinear: texel centres, and the
+  /// poles. Pieces of row 0 and of the last are half as high.
+  struct Patch {
+    double a, b, c, d;  // brightness at the corners: above, left to right, and below
+    double weight;      // about the lux that it sends
+  };
+  [[nodiscard]] Patch patch(std::uint32_t column, std::uint32_t row) const;
+  [[nodiscard]] double brightness(std::uint32_t column, std::uint32_t node) const;
+  [[nodiscard]] double node_place(std::uint32_t node) const;  // in rows of texels from the top
+  [[nodiscard]] double density(const Patch& patch, double s, double t, std::uint32_t row, double sine) const;
 
   std::uint32_t width_ = 0, height_ = 0;
   std::vector<glm::vec3> texels_;
-  std::vector<double> rows_;     // sums of weights up to and with each row
+  std::vector<double> rows_;     // sums of weights up to and with each row of patches
   std::vector<double> columns_;  // the same within each row
-  std::vector<double> cosines_;  // at the upper edges of rows, and below the last
   double total_ = 0.0;
 };
 

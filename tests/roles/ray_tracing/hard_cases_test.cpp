@@ -167,7 +167,8 @@ TEST(PathTracer, H3PartsSumUpToRadianceAndEndWhereBouncesDo) {
   Graph once(graph_text("params.samples = 16\nparams.bounces = 1", kDim, 32));
   const std::vector<Image> single = all_ports(once, scene);
   for (std::size_t i = 0; i < single[5].pixels.size(); ++i) {
-    if (i % 4 != 3) ASSERT_EQ(single[5].pixels[i] + single[6].pixels[i], 0.0F);
+    if (i % 4 == 3) continue;
+    ASSERT_EQ(single[5].pixels[i] + single[6].pixels[i], 0.0F);
   }
 }
 

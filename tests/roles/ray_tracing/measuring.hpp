@@ -62,7 +62,8 @@ inline Measured measure(Scene& scene, const std::string& text) {
 inline std::uint64_t counter(const Graph& graph, const std::string& name) {
   const char* json = nullptr;
   check(heddle_stats(graph.handle, &json));
-  for (const auto& one : nlohmann::json::parse(json)["counts"])
+  const nlohmann::json stats = nlohmann::json::parse(json);
+  for (const auto& one : stats["counts"])
     if (one["name"] == name) return one["count"].get<std::uint64_t>();
   return 0;
 }
