@@ -183,8 +183,7 @@ heddle_status scene_texture(const heddle_pass_host* self, std::uint32_t index, h
   return hand_out(record, out);
 }
 
-heddle_status attributes_of(const heddle_pass_host*, const heddle_snapshot* snapshot,
-                            heddle_snapshot_attributes* out) {
+heddle_status attributes_of(const heddle_pass_host*, const heddle_snapshot* snapshot, heddle_snapshot_attributes* out) {
   return hand_out(scene::snapshot_attributes(*snapshot), out);
 }
 

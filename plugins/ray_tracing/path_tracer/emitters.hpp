@@ -12,12 +12,12 @@ namespace heddle::path_tracer {
 
 /// From where light comes to a point, and how likely it was to be drawn.
 struct LightSample {
-  Arrival arrival;            // value in cd/m^2 where has_size, else in lx; pdf without that of the choice
-  double probability = 0.0;   // of choosing this emitter; 0: nothing
-  bool has_size = false;      // what rays can also find by chance: to be weighted against that
-  bool can_be_met = false;    // ... and they do
+  Arrival arrival;           // value in cd/m^2 where has_size, else in lx; pdf without that of the choice
+  double probability = 0.0;  // of choosing this emitter; 0: nothing
+  bool has_size = false;     // what rays can also find by chance: to be weighted against that
+  bool can_be_met = false;   // ... and they do
   bool casts_shadow = true;
-  bool has_slack = false;     // ends at a light's own shape, which a picture of it may stand in for
+  bool has_slack = false;  // ends at a light's own shape, which a picture of it may stand in for
 };
 
 class Emitters {
@@ -59,9 +59,7 @@ class Emitters {
       sum += weight;
       count += weight > 0.0 ? 1U : 0U;
     }
-    [[nodiscard]] double share(double weight) const {
-      return weight > 0.0 ? 0.5 * (weight / sum + 1.0 / count) : 0.0;
-    }
+    [[nodiscard]] double share(double weight) const { return weight > 0.0 ? 0.5 * (weight / sum + 1.0 / count) : 0.0; }
   };
   [[nodiscard]] Weights weigh(const glm::dvec3& point, const glm::dvec3& normal) const;
   /// Of a light that is not in the tree: about the lux that it sends; 0 only where it sends none.
@@ -70,9 +68,9 @@ class Emitters {
                                         const glm::dvec2& u) const;
 
   std::vector<Light> lights_;
-  std::vector<std::uint32_t> outside_;    // of the tree: directional lights and boxes
-  std::vector<std::uint32_t> triangles_;  // emitters of the tree from lights_.size() on
-  std::vector<std::uint32_t> emitter_of_; // by triangle, ~0: none; empty if no triangle glows
+  std::vector<std::uint32_t> outside_;     // of the tree: directional lights and boxes
+  std::vector<std::uint32_t> triangles_;   // emitters of the tree from lights_.size() on
+  std::vector<std::uint32_t> emitter_of_;  // by triangle, ~0: none; empty if no triangle glows
   std::vector<glm::vec4> textures_;
   LightTree tree_;
   const SkyMap* sky_ = nullptr;

@@ -49,7 +49,9 @@ class Film {
   [[nodiscard]] std::uint32_t samples_at(std::uint32_t x, std::uint32_t y) const {
     return tiles_[y / kTile * columns_ + x / kTile];
   }
-  [[nodiscard]] const PixelSums& at(std::uint32_t x, std::uint32_t y) const { return pixels_[std::size_t{y} * width_ + x]; }
+  [[nodiscard]] const PixelSums& at(std::uint32_t x, std::uint32_t y) const {
+    return pixels_[std::size_t{y} * width_ + x];
+  }
   [[nodiscard]] FilmError error() const;
 
   /// Whole or not at all. `settings`: a line for people. Empty: done; else what went wrong.

@@ -46,7 +46,7 @@ struct Integrator::Shading {
   const Surface& surface;
   dvec3 origin;  // where rays leave on the viewer's side
   glm::dmat3 basis;
-  dvec3 view;    // in the frame
+  dvec3 view;  // in the frame
   Shading(const Surface& shaded, const dvec3& to_viewer)
       : surface(shaded),
         origin(shaded.foot.above(shaded.is_front ? 1.0 : -1.0)),
@@ -87,9 +87,9 @@ dvec3 Integrator::transmittance(Ray ray, Counts& counts) const {
 
 dvec3 Integrator::light_directly(const Shading& shading, const Sampler& sampler, std::uint32_t dimension,
                                  Counts& counts) const {
-  const LightSample light = emitters->sample(shading.origin, shading.surface.normal,
-                                             sampler.pair(dimension + kChoicePair).x,
-                                             sampler.pair(dimension + kLightPair));
+  const LightSample light =
+      emitters->sample(shading.origin, shading.surface.normal, sampler.pair(dimension + kChoicePair).x,
+                       sampler.pair(dimension + kLightPair));
   if (!(light.probability > 0.0) || !(light.arrival.pdf > 0.0) || is_dark(light.arrival.value)) return dvec3(0.0);
   const dvec3 local = glm::transpose(shading.basis) * light.arrival.direction;
   if (local.z <= 0.0 || glm::dot(light.arrival.direction, shading.surface.facet) <= 0.0) return dvec3(0.0);
@@ -121,9 +121,9 @@ void Integrator::find_visibility(const Surface& surface, const Sampler& sampler,
                               ? light.casts_shadow
                               : light.record.id == static_cast<std::uint32_t>(settings.shadow_light);
     if (!is_meant) continue;
-    const Arrival arrival = light.has_size() ? sample_light(light, origin, sampler.pair(kVisibilityPair + 1),
-                                                            emitters->light_textures())
-                                             : arrival_without_size(light, origin);
+    const Arrival arrival =
+        light.has_size() ? sample_light(light, origin, sampler.pair(kVisibilityPair + 1), emitters->light_textures())
+                         : arrival_without_size(light, origin);
     if (!(arrival.pdf > 0.0)) return;
     ++counts.visibility_rays;
     const double slack = light.is_shape() ? kShapeSlack : kEndSlack;
@@ -138,10 +138,10 @@ void Integrator::find_visibility(const Surface& surface, const Sampler& sampler,
 Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Counts& counts) const {
   Estimate out;
   Ray ray = camera_ray;
-  dvec3 beta(1.0);              // what light that comes along the ray is worth
-  dvec3 diffuse_share(0.0);     // of beta: what the first surface's diffuse lobe reflects
+  dvec3 beta(1.0);           // what light that comes along the ray is worth
+  dvec3 diffuse_share(0.0);  // of beta: what the first surface's diffuse lobe reflects
   std::uint32_t bounces = 0;
-  bool is_first = true;         // no solid surface yet
+  bool is_first = true;  // no solid surface yet
   double uncovered = 1.0;
   // The last surface that reflected: rays through layers go on from there.
   dvec3 from(0.0), from_normal(0.0);
@@ -197,9 +197,9 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
     if (surface.is_unlit) {
       add(surface.emissive * surface.coverage);
     } else if (!is_dark(surface.emissive) && (bounces == 0 || settings.glows)) {
-      const double pdf = bounces > 0 ? emitters->pdf_triangle(from, from_normal, hit.triangle, surface.foot,
-                                                              ray.direction, reached)
-                                     : 0.0;
+      const double pdf =
+          bounces > 0 ? emitters->pdf_triangle(from, from_normal, hit.triangle, surface.foot, ray.direction, reached)
+                      : 0.0;
       add(surface.emissive * (surface.coverage * (bounces > 0 ? weight(from_pdf, pdf) : 1.0)));
     }
     if (is_first && settings.finds_visibility && bounces == 0 && !surface.is_blended) {
@@ -207,12 +207,11 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
       is_first = false;
     }
 
-    const dvec3 through = surface.is_blended
-                              ? (1.0 - surface.coverage) + surface.coverage * passed(surface, to_viewer)
-                              : dvec3(0.0);
+    const dvec3 through =
+        surface.is_blended ? (1.0 - surface.coverage) + surface.coverage * passed(surface, to_viewer) : dvec3(0.0);
     if (bounces == 0) uncovered *= surface.is_blended ? 1.0 - surface.coverage : 0.0;
-    const bool can_reflect = !surface.is_unlit && surface.coverage > 0.0 &&
-                             (settings.most_bounces == 0 || bounces < settings.most_bounces);
+    const bool can_reflect =
+        !surface.is_unlit && surface.coverage > 0.0 && (settings.most_bounces == 0 || bounces < settings.most_bounces);
     if (!can_reflect) {
       if (is_dark(through)) break;
       pass_through(through);

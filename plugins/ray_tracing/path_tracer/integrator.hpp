@@ -9,8 +9,8 @@ namespace heddle::path_tracer {
 
 struct Settings {
   Points points = Points::kSobol;
-  std::uint32_t most_bounces = 0;  // times that light is reflected; 0: as often as it is
-  std::uint32_t roulette_from = 3; // bounces that no path is ended before
+  std::uint32_t most_bounces = 0;   // times that light is reflected; 0: as often as it is
+  std::uint32_t roulette_from = 3;  // bounces that no path is ended before
   bool has_multiple_scattering = true;
   bool glows = true;                // surfaces that glow light others, not only the camera
   bool has_blended_shadows = true;  // light that passes through blended surfaces is tinted by them
@@ -21,13 +21,13 @@ struct Settings {
 
 /// Of one sample; radiance is the sum of the first four.
 struct Estimate {
-  glm::dvec3 emission{0.0};            // straight from what glows, and the background
-  glm::dvec3 direct{0.0};              // reflected once
-  glm::dvec3 indirect_diffuse{0.0};    // reflected more often, by the diffuse lobe at the first surface
-  glm::dvec3 indirect_specular{0.0};   // ... by the specular one
-  double coverage = 0.0;               // 1 where there is a surface that hides what is behind it
-  double occlusion = 1.0;              // 1 open: nothing solid within the radius, cosine-weighted
-  double shadow = 1.0;                 // 1 lit by shadow_light, at the first surface
+  glm::dvec3 emission{0.0};           // straight from what glows, and the background
+  glm::dvec3 direct{0.0};             // reflected once
+  glm::dvec3 indirect_diffuse{0.0};   // reflected more often, by the diffuse lobe at the first surface
+  glm::dvec3 indirect_specular{0.0};  // ... by the specular one
+  double coverage = 0.0;              // 1 where there is a surface that hides what is behind it
+  double occlusion = 1.0;             // 1 open: nothing solid within the radius, cosine-weighted
+  double shadow = 1.0;                // 1 lit by shadow_light, at the first surface
 };
 
 /// What was done, for counters.

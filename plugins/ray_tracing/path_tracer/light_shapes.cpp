@@ -61,7 +61,8 @@ dvec3 texture_at(const Light& light, const dvec2& uv, std::span<const glm::vec4>
 /// Rectangles": equal areas of the unit square become equal solid angles.
 class SphericalRectangle {
  public:
-  SphericalRectangle(const Light& light, const dvec3& point) : half_(light.record.half_extent[0], light.record.half_extent[1]) {
+  SphericalRectangle(const Light& light, const dvec3& point)
+      : half_(light.record.half_extent[0], light.record.half_extent[1]) {
     const dvec3 to_center = light.position - point;
     height_ = -glm::dot(to_center, light.direction);  // > 0 on the side that shines
     center_ = {glm::dot(to_center, light.tangent), glm::dot(to_center, light.bitangent)};
@@ -147,9 +148,7 @@ struct Ball {
     sine_squared = is_inside ? 1.0 : light.radius * light.radius / distance_squared;
   }
   /// From inside it shines from everywhere.
-  [[nodiscard]] double pdf() const {
-    return is_inside ? 0.25 / pi : 1.0 / (2.0 * pi * one_minus_cos(sine_squared));
-  }
+  [[nodiscard]] double pdf() const { return is_inside ? 0.25 / pi : 1.0 / (2.0 * pi * one_minus_cos(sine_squared)); }
 };
 
 /// Along unit `direction`; < 0: misses.
@@ -175,7 +174,8 @@ Arrival sample_ball(const Light& light, const dvec3& point, const dvec2& u) {
                                      dvec3(sine * std::cos(azimuth), sine * std::sin(azimuth), 1.0 - lost));
   arrival.distance = distance_to_ball(light, point, arrival.direction);
   // At the rim rounding may miss by a hair.
-  if (arrival.distance < 0.0) arrival.distance = std::sqrt(std::max(ball.distance_squared - light.radius * light.radius, 0.0));
+  if (arrival.distance < 0.0)
+    arrival.distance = std::sqrt(std::max(ball.distance_squared - light.radius * light.radius, 0.0));
   arrival.value = light.intensity * light.window(ball.distance_squared);
   arrival.pdf = ball.pdf();
   return arrival;
@@ -231,8 +231,7 @@ double Light::window(double distance_squared) const {
 
 bool Light::is_in_box(const dvec3& point) const {
   const dvec3 local = glm::abs(local_in_box(*this, point));
-  return local.x < d(record.half_extent[0]) && local.y < d(record.half_extent[1]) &&
-         local.z < d(record.half_extent[2]);
+  return local.x < d(record.half_extent[0]) && local.y < d(record.half_extent[1]) && local.z < d(record.half_extent[2]);
 }
 
 Arrival arrival_without_size(const Light& light, const dvec3& point) {
@@ -278,7 +277,8 @@ Arrival arrival_without_size(const Light& light, const dvec3& point) {
   return arrival;
 }
 
-Arrival sample_light(const Light& light, const dvec3& point, const dvec2& u, std::span<const glm::vec4> light_textures) {
+Arrival sample_light(const Light& light, const dvec3& point, const dvec2& u,
+                     std::span<const glm::vec4> light_textures) {
   if (light.record.type == HEDDLE_LIGHT_SPHERE) return sample_ball(light, point, u);
   if (light.record.type == HEDDLE_LIGHT_RECTANGLE) return sample_rectangle(light, point, u, light_textures);
   return sample_disc(light, u);
@@ -301,7 +301,8 @@ Arrival meet_light(const Light& light, const dvec3& point, const dvec3& directio
     if (!(distance > first && distance <= length)) return {};
     const dvec3 on = point + distance * direction - light.position;
     const dvec2 place(glm::dot(on, light.tangent), glm::dot(on, light.bitangent));
-    if (std::abs(place.x) > d(light.record.half_extent[0]) || std::abs(place.y) > d(light.record.half_extent[1])) return {};
+    if (std::abs(place.x) > d(light.record.half_extent[0]) || std::abs(place.y) > d(light.record.half_extent[1]))
+      return {};
     return {direction, distance, rectangle_value(light, point, place, light_textures), seen.pdf(place)};
   }
   // A disc, infinitely far away.

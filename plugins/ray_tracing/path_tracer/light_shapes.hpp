@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One light and one point -> from where its light comes: the twin of plugins/shared/light.glsl in float64, and samples of
-// those lights that have a size. README equations (7) to (10).
+// One light and one point -> from where its light comes: the twin of plugins/shared/light.glsl in float64, and samples
+// of those lights that have a size. README equations (7) to (10).
 #pragma once
 
 #include <heddle/records.h>
@@ -55,8 +55,8 @@ Arrival sample_light(const Light& light, const glm::dvec3& point, const glm::dve
 
 /// What a ray from `point` along a unit direction meets of a shape or disc farther than `first` and up to `length`: its
 /// value, its distance, and the density with which sample_light draws that direction at `point`. pdf 0: it misses.
-Arrival meet_light(const Light& light, const glm::dvec3& point, const glm::dvec3& direction, double first, double length,
-                   std::span<const glm::vec4> light_textures);
+Arrival meet_light(const Light& light, const glm::dvec3& point, const glm::dvec3& direction, double first,
+                   double length, std::span<const glm::vec4> light_textures);
 
 /// 1 - cos of an angle by its sine squared, without cancellation.
 inline double one_minus_cos(double sine_squared) {

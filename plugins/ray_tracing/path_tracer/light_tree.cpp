@@ -71,8 +71,9 @@ double cost_of(const LightBounds& bounds, double stretch) {
   const double spread = std::acos(std::clamp(bounds.cos_spread, -1.0, 1.0));
   const double reach = std::acos(std::clamp(bounds.cos_reach, -1.0, 1.0));
   const double w = std::min(spread + reach, pi), sine = std::sin(spread);
-  const double angle = 2.0 * pi * (1.0 - bounds.cos_spread) +
-                       0.5 * pi * (2.0 * w * sine - std::cos(spread - 2.0 * w) - 2.0 * spread * sine + bounds.cos_spread);
+  const double angle =
+      2.0 * pi * (1.0 - bounds.cos_spread) +
+      0.5 * pi * (2.0 * w * sine - std::cos(spread - 2.0 * w) - 2.0 * spread * sine + bounds.cos_spread);
   const dvec3 size = bounds.high - bounds.low;
   const double surface = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
   return bounds.intensity * angle * stretch * surface;

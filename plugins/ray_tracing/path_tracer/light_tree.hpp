@@ -77,7 +77,8 @@ void LightTree::meet(const glm::dvec3& origin, const glm::dvec3& direction, doub
     if (!node.bounds.has_shape) continue;
     double near = 0.0, far = length;
     for (glm::length_t i = 0; i < 3; ++i) {
-      const double a = (node.bounds.low[i] - origin[i]) * inverse[i], b = (node.bounds.high[i] - origin[i]) * inverse[i];
+      const double a = (node.bounds.low[i] - origin[i]) * inverse[i],
+                   b = (node.bounds.high[i] - origin[i]) * inverse[i];
       // A ray within a face's plane makes 0 * infinity, which bounds nothing.
       if (a < b || b <= a) {
         near = std::max(near, std::min(a, b));

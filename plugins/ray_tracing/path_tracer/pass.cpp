@@ -35,8 +35,7 @@ constexpr heddle_port kPorts[] = {
     image_out("variance", kRgba, "of radiance, as an estimate [cd^2/m^4]", HEDDLE_PORT_KEPT),
     image_out("emission", kRgba, "what glows, and the background [cd/m^2]", HEDDLE_PORT_KEPT),
     image_out("direct", kRgba, "light that was reflected once [cd/m^2]", HEDDLE_PORT_KEPT),
-    image_out("indirect_diffuse", kRgba, "reflected more often, at last by a diffuse lobe [cd/m^2]",
-              HEDDLE_PORT_KEPT),
+    image_out("indirect_diffuse", kRgba, "reflected more often, at last by a diffuse lobe [cd/m^2]", HEDDLE_PORT_KEPT),
     image_out("indirect_specular", kRgba, "reflected more often, at last by a specular lobe [cd/m^2]",
               HEDDLE_PORT_KEPT),
     image_out("occlusion", kR, "1 open, 0 closed, within occlusion_radius; 1 unless `visibility`", HEDDLE_PORT_KEPT),
@@ -79,11 +78,11 @@ constexpr heddle_parameter kParameters[] = {
 
 constexpr heddle_access kSkyAccesses[] = {storage_write("sky_map")};
 constexpr heddle_access kTraceAccesses[] = {
-    host_read("sky_map"),      host_read("surfaces"),      value("camera"),
-    value("lights"),           value("light_textures"),    value("environment"),
-    host_write("radiance"),    host_write("variance"),     host_write("emission"),
-    host_write("direct"),      host_write("indirect_diffuse"), host_write("indirect_specular"),
-    host_write("occlusion"),   host_write("shadow"),
+    host_read("sky_map"),    host_read("surfaces"),          value("camera"),
+    value("lights"),         value("light_textures"),        value("environment"),
+    host_write("radiance"),  host_write("variance"),         host_write("emission"),
+    host_write("direct"),    host_write("indirect_diffuse"), host_write("indirect_specular"),
+    host_write("occlusion"), host_write("shadow"),
 };
 enum : std::uint32_t { kSky, kTrace };
 constexpr heddle_stage kStages[] = {gpu_stage("sky", kSkyAccesses), cpu_stage("trace", kTraceAccesses)};
@@ -109,7 +108,8 @@ class Camera {
     const bool is_flat = view_.is_orthographic != 0;
     const dvec3 start = is_flat ? dvec3(at, -near) : dvec3(at, -1.0) * near;
     const dvec3 along = is_flat ? dvec3(0, 0, -1) : glm::normalize(dvec3(at, -1.0));
-    return {origin_ + dvec3(rel_from_view_ * glm::dvec4(start, 1.0)), glm::normalize(glm::dmat3(rel_from_view_) * along)};
+    return {origin_ + dvec3(rel_from_view_ * glm::dvec4(start, 1.0)),
+            glm::normalize(glm::dmat3(rel_from_view_) * along)};
   }
 
  private:
@@ -231,7 +231,8 @@ class PathTracer {
   heddle_status read_scene(const Frame& frame, const heddle_mapped& sky) {
     const PassHost& host = frame.host();
     const auto* materials = host.service<heddle_materials_service>(HEDDLE_MATERIALS_SERVICE);
-    if (materials == nullptr) return host.fail(HEDDLE_UNSUPPORTED, "needs the host's service " HEDDLE_MATERIALS_SERVICE);
+    if (materials == nullptr)
+      return host.fail(HEDDLE_UNSUPPORTED, "needs the host's service " HEDDLE_MATERIALS_SERVICE);
     integrator_.material = host.function_service<heddle_surface_material_service>("surface_material");
     if (integrator_.material == nullptr) {
       return host.fail(HEDDLE_BAD_INPUT,
@@ -333,9 +334,11 @@ class PathTracer {
     const auto a_frame = static_cast<std::uint32_t>(host.integer("samples_per_frame"));
     const double target = host.parameter("target_error");
     const std::uint32_t first = film_.samples();
-    const std::uint32_t last = a_frame == 0 ? wanted : std::min(wanted, first + std::min(a_frame, wanted - std::min(first, wanted)));
+    const std::uint32_t last =
+        a_frame == 0 ? wanted : std::min(wanted, first + std::min(a_frame, wanted - std::min(first, wanted)));
     is_done_ = has_reached(target);
-    // Rounds double, so that looking at the error costs little; none is shorter than what gives every scrambling a point.
+    // Rounds double, so that looking at the error costs little; none is shorter than what gives every scrambling a
+    // point.
     for (std::uint32_t done = first; !is_done_ && done < last;) {
       const std::uint32_t round = target > 0.0 ? std::max(kLeastRound, done / kLeastRound * kLeastRound) : last;
       done = std::min(last - done < round ? last : done + round, last);

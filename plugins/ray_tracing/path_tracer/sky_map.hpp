@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// An equirectangular image of the sky -> radiance by direction, and directions drawn by how bright they are. README (6).
+// An equirectangular image of the sky -> radiance by direction, and directions drawn by how bright they are. README
+// (6).
 #pragma once
 
 #include <glm/glm.hpp>

@@ -180,7 +180,8 @@ Surface Surfaces::at(const Geometry& geometry, const Hit& hit, const dvec3& to_v
   dvec4 color(0.0);
   for (std::size_t k = 0; k < 3; ++k)
     for (glm::length_t c = 0; c < 4; ++c)
-      color[c] += where.weights[k] * ((attributes_.colors[where.vertices[k]] >> (8U * static_cast<unsigned>(c))) & 255U) / 255.0;
+      color[c] += where.weights[k] *
+                  ((attributes_.colors[where.vertices[k]] >> (8U * static_cast<unsigned>(c))) & 255U) / 255.0;
   for (glm::length_t c = 0; c < 4; ++c) color[c] *= static_cast<double>(record.base_color[c]);
   if (const auto texel = sample(material, HEDDLE_TEXTURE_BASE_COLOR, where)) color *= *texel;
   double metalness = static_cast<double>(record.metalness), roughness = static_cast<double>(record.roughness);

@@ -15,21 +15,21 @@ namespace heddle::path_tracer {
 
 struct Surface {
   Foot foot;
-  glm::dvec3 facet{0.0};            // unit, towards the viewer
-  glm::dvec3 normal{0.0};           // unit, what is shaded: with normal map, bent until it does not turn away
-  glm::dvec3 normal_geometric{0.0}; // interpolated, on the viewer's side
+  glm::dvec3 facet{0.0};             // unit, towards the viewer
+  glm::dvec3 normal{0.0};            // unit, what is shaded: with normal map, bent until it does not turn away
+  glm::dvec3 normal_geometric{0.0};  // interpolated, on the viewer's side
   heddle_surface_point point{};
-  double coverage = 1.0;            // of blended materials, else 1
-  double transmission = 0.0;        // share of what is not metal that light passes through
-  glm::dvec3 emissive{0.0};         // cd/m^2 towards the viewer; of unlit materials all that they show
+  double coverage = 1.0;      // of blended materials, else 1
+  double transmission = 0.0;  // share of what is not metal that light passes through
+  glm::dvec3 emissive{0.0};   // cd/m^2 towards the viewer; of unlit materials all that they show
   bool is_front = true;
   bool is_double_sided = false;
   bool is_blended = false;
   bool is_unlit = false;
 };
 
-/// Materials and textures of the scene, with the attributes of a snapshot's vertices: borrowed from the host for one call
-/// of execute. Reading: [any-thread].
+/// Materials and textures of the scene, with the attributes of a snapshot's vertices: borrowed from the host for one
+/// call of execute. Reading: [any-thread].
 class Surfaces {
  public:
   /// False if the scene names what it does not have; the host has told it then.

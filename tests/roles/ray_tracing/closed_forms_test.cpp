@@ -44,8 +44,8 @@ double brdf(const HeddleMaterial& record, const dvec3& view, const dvec3& light)
   return rgb[0];
 }
 
-/// Radiance from the floor at 0 under a parametrized emitter of radiance 1: midpoints of n x n cells. place(u, v) gives a
-/// point, and the area vector of a cell is `normal` times its size.
+/// Radiance from the floor at 0 under a parametrized emitter of radiance 1: midpoints of n x n cells. place(u, v) gives
+/// a point, and the area vector of a cell is `normal` times its size.
 double reflected(const HeddleMaterial& record, double NoV, int n,
                  const std::function<void(double, double, dvec3&, dvec3&)>& place) {
   double sum = 0.0;
@@ -177,7 +177,8 @@ void add_furnace_answers(std::vector<Answer>& answers) {
   room.use_material(surface(1.0, 0.8, 0.0));
   for (int side = 0; side < 5; ++side) {
     const double a = 0.5 * kPi * side;
-    const dmat4 turn = side < 4 ? glm::rotate(dmat4(1.0), a, dvec3(1, 0, 0)) : glm::rotate(dmat4(1.0), 0.5 * kPi, dvec3(0, 0, 1));
+    const dmat4 turn =
+        side < 4 ? glm::rotate(dmat4(1.0), a, dvec3(1, 0, 0)) : glm::rotate(dmat4(1.0), 0.5 * kPi, dvec3(0, 0, 1));
     const float h = 1.0F;
     room.add_mesh({-h, -1, -h, -h, -1, h, h, -1, h, h, -1, -h}, {}, {0, 1, 2, 0, 2, 3}, turn);
   }
@@ -272,8 +273,8 @@ TEST(PathTracerClosedForms, AreMetWithinTheirErrors) {
   for (const Answer& answer : answers()) {
     const double z = z_of(answer, answer.truth);
     sum += z * z;
-    EXPECT_LE(z, kLimit) << answer.name << ": " << answer.measured.mean.x << " +- "
-                         << answer.measured.standard_error.x << ", should be " << answer.truth;
+    EXPECT_LE(z, kLimit) << answer.name << ": " << answer.measured.mean.x << " +- " << answer.measured.standard_error.x
+                         << ", should be " << answer.truth;
   }
   // Together too: a sum of as many squares has this mean at most, and the model errors only lessen it.
   const double count = static_cast<double>(answers().size());

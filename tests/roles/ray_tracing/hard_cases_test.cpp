@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The role ray_tracing's hard cases for ray_tracing/path_tracer (H1, H6 and the parts of H3 that closed forms know are in
-// closed_forms_test.cpp), how its error falls, and what it says.
+// The role ray_tracing's hard cases for ray_tracing/path_tracer (H1, H6 and the parts of H3 that closed forms know are
+// in closed_forms_test.cpp), how its error falls, and what it says.
 #include "roles/ray_tracing/measuring.hpp"
 #include "roles/readme.hpp"
 
@@ -42,7 +42,7 @@ void furnish(Scene& scene, const dvec3& eye = dvec3(0, 1, 3.4)) {
 }
 
 std::vector<Image> all_ports(Graph& graph, Scene& scene) {
-  const char* const ports[] = {"pt.radiance", "pt.variance",         "pt.emission",          "pt.direct",
+  const char* const ports[] = {"pt.radiance",  "pt.variance",         "pt.emission",          "pt.direct",
                                "pt.occlusion", "pt.indirect_diffuse", "pt.indirect_specular", "pt.shadow"};
   for (const char* port : ports) graph.keep(port);
   graph.render(scene);
@@ -140,13 +140,14 @@ TEST(PathTracer, ACheckpointThatIsDamagedOrOfSomethingElseIsToldAndReplaced) {
   Graph after(graph_text("params.samples = 8\n" + place, kDim, 16));
   after.render(scene);
   EXPECT_EQ(counter(after, "samples"), 8U);
-  EXPECT_THAT(host.log, testing::Contains(testing::HasSubstr(
-                            "checkpoint '" + file + "' is damaged: begins anew, and takes its place")));
+  EXPECT_THAT(host.log, testing::Contains(testing::HasSubstr("checkpoint '" + file +
+                                                             "' is damaged: begins anew, and takes its place")));
   host.log.clear();
   Graph other(graph_text("params.samples = 8\nparams.bounces = 2\n" + place, kDim, 16));
   other.render(scene);
-  EXPECT_THAT(host.log, testing::Contains(testing::HasSubstr("checkpoint '" + file +
-                                                             "' is of another scene, view or settings: begins anew, and takes its place")));
+  EXPECT_THAT(host.log, testing::Contains(testing::HasSubstr(
+                            "checkpoint '" + file +
+                            "' is of another scene, view or settings: begins anew, and takes its place")));
   Graph third(graph_text("params.samples = 8\nparams.bounces = 2\n" + place, kDim, 16));
   third.render(scene);
   EXPECT_EQ(counter(third, "rays"), 0U);
@@ -181,7 +182,8 @@ TEST(PathTracer, VisibilityIsThatOfTheRolesItIsTheTruthOf) {
   ball.add_sphere({0, 2, 0}, 1.0, 96);
   ball.add_light(light(HEDDLE_LIGHT_POINT, {0, -1, 0}, 1.0), {0, 5, 0});
   ball.look({0.3, 0.9, 0}, {0, 0, 0}, 1e-3);
-  Graph graph(graph_text("params.samples = 1024\nparams.visibility = true\nparams.occlusion_radius = 100\nparams.bounces = 1", "", 8));
+  Graph graph(graph_text(
+      "params.samples = 1024\nparams.visibility = true\nparams.occlusion_radius = 100\nparams.bounces = 1", "", 8));
   std::vector<Image> images = all_ports(graph, ball);
   double open = 0.0;
   for (const float pixel : images[4].pixels) open += static_cast<double>(pixel) / 64.0;
@@ -248,7 +250,8 @@ TEST(PathTracer, H5TenThousandLightsAreSampledAsWellAsAHundred) {
 TEST(PathTracer, ASunOfAnEnvironmentImageIsFoundByItsBrightness) {
   constexpr std::uint32_t kWidth = 64, kHeight = 32;
   std::vector<float> rgba(std::size_t{4} * kWidth * kHeight, 0.0F);
-  for (std::size_t i = 0; i < std::size_t{kWidth} * kHeight; ++i) rgba[4 * i] = rgba[4 * i + 1] = rgba[4 * i + 2] = 0.05F;
+  for (std::size_t i = 0; i < std::size_t{kWidth} * kHeight; ++i)
+    rgba[4 * i] = rgba[4 * i + 1] = rgba[4 * i + 2] = 0.05F;
   const std::size_t sun = (std::size_t{8} * kWidth + 40) * 4;
   rgba[sun] = rgba[sun + 1] = rgba[sun + 2] = 5000.0F;
   Scene scene;
@@ -426,9 +429,10 @@ TEST(PathTracer, SaysWhatItMisses) {
       "extent = [8, 8]\noutput = \"pt.radiance\"\n[[pass]]\nname = \"pt\"\nrole = \"ray_tracing\"\ntechnique = "
       "\"path_tracer\"\n");
   EXPECT_EQ(heddle_render(graph.handle, scene.handle, nullptr), HEDDLE_BAD_INPUT);
-  EXPECT_THAT(heddle_error(Host::get().handle),
-              testing::HasSubstr("needs a surface_material that answers on the CPU too; found none above it: add a pass "
-                                 "of role 'surface_material', technique 'ggx'"));
+  EXPECT_THAT(
+      heddle_error(Host::get().handle),
+      testing::HasSubstr("needs a surface_material that answers on the CPU too; found none above it: add a pass "
+                         "of role 'surface_material', technique 'ggx'"));
 }
 
 TEST(PathTracer, ReadmeHasTheDescriptorsTable) {

@@ -50,8 +50,9 @@ Light ball(double radius, const dvec3& center) {
 }
 
 TEST(PathTracerLights, SamplesOfAShapeAreMetAgainWithTheSameDensityAndValue) {
-  for (const Light& light : {rectangle(0.5, 0.3, {0, 1, 0}), rectangle(0.5, 0.3, {3, 0.2, 1}), rectangle(2, 2, {0, 0.01, 0}),
-                             rectangle(0.01, 0.02, {1, 5, 2}), ball(0.5, {0, 2, 0}), ball(0.1, {5, 5, 5}), ball(3, {0, 1, 0})}) {
+  for (const Light& light :
+       {rectangle(0.5, 0.3, {0, 1, 0}), rectangle(0.5, 0.3, {3, 0.2, 1}), rectangle(2, 2, {0, 0.01, 0}),
+        rectangle(0.01, 0.02, {1, 5, 2}), ball(0.5, {0, 2, 0}), ball(0.1, {5, 5, 5}), ball(3, {0, 1, 0})}) {
     for (std::uint64_t i = 0; i < 2000; ++i) {
       const Arrival sample = sample_light(light, dvec3(0.0), number(i), {});
       ASSERT_GT(sample.pdf, 0.0);
@@ -68,8 +69,8 @@ TEST(PathTracerLights, SamplesOfAShapeAreMetAgainWithTheSameDensityAndValue) {
 
 TEST(PathTracerLights, DensitiesOverAllDirectionsAddUpToOne) {
   constexpr std::uint64_t kCount = 400000;
-  for (const Light& light : {rectangle(0.5, 0.3, {0, 1, 0}), rectangle(0.9, 0.5, {0.8, 0.3, 0.4}), rectangle(2, 2, {0, 0.1, 0}),
-                             ball(0.5, {0, 1, 0}), ball(3, {0, 1, 0})}) {
+  for (const Light& light : {rectangle(0.5, 0.3, {0, 1, 0}), rectangle(0.9, 0.5, {0.8, 0.3, 0.4}),
+                             rectangle(2, 2, {0, 0.1, 0}), ball(0.5, {0, 1, 0}), ball(3, {0, 1, 0})}) {
     double sum = 0.0, squares = 0.0;
     for (std::uint64_t i = 0; i < kCount; ++i) {
       const double pdf = 4 * pi * meet_light(light, dvec3(0.0), even_direction(i), 0.0, 1e30, {}).pdf;
@@ -178,7 +179,8 @@ TEST(PathTracerLightTree, ARayMeetsAllShapesOnItsWay) {
       const dvec3 center = 0.5 * (lights[k].low + lights[k].high);
       const double along = glm::dot(center - origin, direction);
       // The ball within the box.
-      if (along > 0.0 && along < 15.0 && glm::length(origin + along * direction - center) < 0.29) ASSERT_EQ(met[k], 1) << k;
+      if (along > 0.0 && along < 15.0 && glm::length(origin + along * direction - center) < 0.29)
+        ASSERT_EQ(met[k], 1) << k;
     }
   }
 }
