@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
 
 namespace heddle::path_tracer {
 namespace {
@@ -12,15 +10,6 @@ namespace {
 using glm::dvec3;
 
 constexpr std::size_t kOpaque = 0, kMasked = 1;  // geometries of what is solid
-
-// As in ambient_occlusion/ray_traced: units of float32 by which an intersection may be off, relative to the largest
-// coordinate in play (Woop, Benthin and Wald 2013, "Watertight Ray/Triangle Intersection").
-constexpr double kUncertainUlps = 8.0;
-constexpr double kUlp = 0x1p-24;
-
-double largest_of(const dvec3& p) {
-  return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
-}
 
 template <typename EmbreeRay>
 void fill(EmbreeRay& out, const Ray& ray) {
@@ -42,10 +31,10 @@ void fill(EmbreeRay& out, const Ray& ray) {
 
 Geometry::Geometry() : device_(rtcNewDevice(nullptr)) {
   if (device_ == nullptr) {
-    on_error(this, rtcGetDeviceError(nullptr), "no device");
+    error_.say(rtcGetDeviceError(nullptr), "no device");
     return;
   }
-  rtcSetDeviceErrorFunction(device_, &Geometry::on_error, this);
+  rtcSetDeviceErrorFunction(device_, &embree::ErrorText::note, &error_);
 }
 
 Geometry::~Geometry() {
@@ -57,12 +46,6 @@ Geometry::~Geometry() {
 void Geometry::release(Part& part) {
   if (part.scene != nullptr) rtcReleaseScene(part.scene);
   part = {};
-}
-
-void Geometry::on_error(void* self, RTCError code, const char* text) {
-  auto* geometry = static_cast<Geometry*>(self);
-  std::snprintf(geometry->error_, sizeof geometry->error_, "Embree error %d: %s", static_cast<int>(code),
-                text != nullptr ? text : "");
 }
 
 void Geometry::filter(const RTCFilterFunctionNArguments* arguments) {
@@ -84,41 +67,21 @@ void Geometry::build(Part& part, RTCBuffer vertices, std::vector<std::vector<std
   part.scene = rtcNewScene(device_);
   rtcSetSceneFlags(part.scene, RTC_SCENE_FLAG_ROBUST);
   rtcSetSceneBuildQuality(part.scene, RTC_BUILD_QUALITY_HIGH);
-  for (std::size_t id = 0; id < part.triangles.size(); ++id) {
-    const std::vector<std::uint32_t>& list = part.triangles[id];
-    if (list.empty()) continue;
-    RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
-    rtcSetGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, vertices, 0, sizeof(glm::vec3),
-                         positions_.size());
-    auto* corners = static_cast<glm::uvec3*>(
-        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, sizeof(glm::uvec3), list.size()));
-    if (corners != nullptr) {
-      for (std::size_t i = 0; i < list.size(); ++i) corners[i] = indices_[list[i]];
-      if (id == masked) {
-        rtcSetGeometryUserData(geometry, this);
-        rtcSetGeometryIntersectFilterFunction(geometry, &Geometry::filter);
-        rtcSetGeometryOccludedFilterFunction(geometry, &Geometry::filter);
-      }
-      rtcCommitGeometry(geometry);
-      rtcAttachGeometryByID(part.scene, geometry, static_cast<unsigned>(id));
-    }
-    rtcReleaseGeometry(geometry);
-  }
+  for (std::size_t id = 0; id < part.triangles.size(); ++id)
+    embree::attach_triangles(device_, part.scene, static_cast<unsigned>(id), vertices, positions_.size(), indices_,
+                             part.triangles[id], id == masked ? &Geometry::filter : nullptr, this);
   rtcCommitScene(part.scene);
 }
 
 bool Geometry::update(const heddle_snapshot& snapshot) {
   if (is_built_ && revision_ == snapshot.revision) return true;
   if (device_ == nullptr) return false;
-  error_[0] = '\0';
+  error_.text[0] = '\0';
   is_built_ = false;
-  static_assert(sizeof(glm::vec3) == 12 && sizeof(glm::uvec3) == 12);
   const auto* positions = reinterpret_cast<const glm::vec3*>(snapshot.positions);
   const auto* indices = reinterpret_cast<const glm::uvec3*>(snapshot.indices);
   positions_.assign(positions, positions + snapshot.vertex_count);
   indices_.assign(indices, indices + snapshot.triangle_count);
-  largest_ = 0.0;
-  for (const glm::vec3& position : positions_) largest_ = std::max(largest_, largest_of(position));
   std::vector<std::vector<std::uint32_t>> solid(2), blended(1);
   for (std::uint32_t i = 0; i < snapshot.triangle_count; ++i) {
     const std::uint32_t flags = snapshot.flags[i];
@@ -126,16 +89,13 @@ bool Geometry::update(const heddle_snapshot& snapshot) {
                                            : solid[(flags & HEDDLE_SURFACE_MASKED) != 0 ? kMasked : kOpaque])
         .push_back(i);
   }
-  // Embree reads 16 bytes at the last vertex.
-  const std::size_t bytes = positions_.size() * sizeof(glm::vec3);
-  RTCBuffer vertices = rtcNewBuffer(device_, bytes + 16);
+  RTCBuffer vertices = embree::copy_vertices(device_, positions_);
   if (vertices == nullptr) return false;
-  if (bytes > 0) std::memcpy(rtcGetBufferData(vertices), positions_.data(), bytes);
   build(solid_, vertices, std::move(solid), kMasked);
   build(blended_, vertices, std::move(blended), ~std::size_t{0});
   rtcReleaseBuffer(vertices);
   revision_ = snapshot.revision;
-  is_built_ = error_[0] == '\0';
+  is_built_ = error_.text[0] == '\0';
   return is_built_;
 }
 
@@ -187,7 +147,9 @@ Foot Geometry::foot(std::uint32_t triangle, double u, double v) const {
   foot.position = p0 + u * e1 + v * e2;
   foot.facet = length > 0.0 ? scaled / length : dvec3(0.0);
   foot.area = 0.5 * length;
-  foot.lift = kUncertainUlps * kUlp * std::max({largest_of(p0), largest_of(p1), largest_of(p2)});
+  foot.lift =
+      embree::kUncertainUlps * embree::kUlp *
+      std::max({embree::largest_coordinate(p0), embree::largest_coordinate(p1), embree::largest_coordinate(p2)});
   return foot;
 }
 

@@ -2,9 +2,9 @@
 // A snapshot's triangles -> hits of Embree's, with their places in float64.
 #pragma once
 
-#include <heddle/plugin.h>
+#include "embree_triangles.hpp"
 
-#include <embree3/rtcore.h>
+#include <heddle/plugin.h>
 
 #include <glm/glm.hpp>
 
@@ -44,7 +44,7 @@ class Geometry {
 
   /// Copies what it needs, unless it is of this revision already. False: error() says why.
   [[nodiscard]] bool update(const heddle_snapshot& snapshot);
-  [[nodiscard]] const char* error() const { return error_; }
+  [[nodiscard]] const char* error() const { return error_.text; }
   /// For the masked triangles, while `snapshot` lives.
   void set_alpha_test(const heddle_snapshot* snapshot, heddle_alpha_test test) {
     snapshot_ = snapshot;
@@ -62,7 +62,6 @@ class Geometry {
   [[nodiscard]] Foot foot(std::uint32_t triangle, double u, double v) const;
   [[nodiscard]] const glm::uvec3& corners(std::uint32_t triangle) const { return indices_[triangle]; }
   [[nodiscard]] std::uint32_t triangle_count() const { return static_cast<std::uint32_t>(indices_.size()); }
-  [[nodiscard]] double largest_coordinate() const { return largest_; }
 
  private:
   struct Part {
@@ -72,19 +71,17 @@ class Geometry {
   void release(Part& part);
   void build(Part& part, RTCBuffer vertices, std::vector<std::vector<std::uint32_t>> triangles, std::size_t masked);
   static void filter(const RTCFilterFunctionNArguments* arguments);
-  static void on_error(void* self, RTCError code, const char* text);
   bool find(const Part& part, const Ray& ray, Hit& out) const;
 
   RTCDevice device_ = nullptr;
   Part solid_, blended_;
   std::vector<glm::vec3> positions_;
   std::vector<glm::uvec3> indices_;
-  double largest_ = 0.0;
   std::uint64_t revision_ = 0;
   bool is_built_ = false;
   const heddle_snapshot* snapshot_ = nullptr;
   heddle_alpha_test test_ = nullptr;
-  char error_[160] = "";
+  embree::ErrorText error_;
 };
 
 }  // namespace heddle::path_tracer
