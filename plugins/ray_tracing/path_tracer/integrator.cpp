@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 
 namespace heddle::path_tracer {
 namespace {
@@ -56,6 +57,33 @@ struct Integrator::Shading {
   }
 };
 
+Integrator::Reflection Integrator::evaluate(const Shading& shading, const dvec3& light) const {
+  const heddle_surface_point* point = &shading.surface.point;
+  const std::uint32_t compensates = settings.has_multiple_scattering ? 1 : 0;
+  Reflection r;
+  r.light = light;
+  if (material->struct_size > offsetof(heddle_surface_material_service, evaluate_parts)) {
+    material->evaluate_parts(point, &shading.view.x, &light.x, compensates, &r.diffuse.x, &r.specular.x, &r.pdf);
+    return r;
+  }
+  material->evaluate(point, &shading.view.x, &light.x, 1, compensates, &r.diffuse.x);
+  material->evaluate(point, &shading.view.x, &light.x, 2, compensates, &r.specular.x);
+  r.pdf = material->pdf(point, &shading.view.x, &light.x);
+  return r;
+}
+
+Integrator::Reflection Integrator::draw(const Shading& shading, const dvec2& u, double u_lobe) const {
+  const heddle_surface_point* point = &shading.surface.point;
+  Reflection r;
+  if (material->struct_size > offsetof(heddle_surface_material_service, sample_parts)) {
+    material->sample_parts(point, &shading.view.x, &u.x, u_lobe, settings.has_multiple_scattering ? 1 : 0, &r.light.x,
+                           &r.diffuse.x, &r.specular.x, &r.pdf);
+    return r;
+  }
+  material->sample(point, &shading.view.x, &u.x, u_lobe, &r.light.x, &r.pdf);
+  return r.pdf > 0.0 ? evaluate(shading, r.light) : Reflection{};
+}
+
 dvec3 Integrator::passed(const Surface& surface, const dvec3& to_viewer) const {
   if (surface.transmission <= 0.0) return dvec3(0.0);
   heddle_surface_point black = surface.point;
@@ -93,14 +121,12 @@ dvec3 Integrator::light_directly(const Shading& shading, const Sampler& sampler,
   if (!(light.probability > 0.0) || !(light.arrival.pdf > 0.0) || is_dark(light.arrival.value)) return dvec3(0.0);
   const dvec3 local = glm::transpose(shading.basis) * light.arrival.direction;
   if (local.z <= 0.0 || glm::dot(light.arrival.direction, shading.surface.facet) <= 0.0) return dvec3(0.0);
-  dvec3 f;
-  material->evaluate(&shading.surface.point, &shading.view.x, &local.x, 0, settings.has_multiple_scattering ? 1 : 0,
-                     &f.x);
+  const Reflection reflection = evaluate(shading, local);
+  const dvec3 f = reflection.diffuse + reflection.specular;
   if (is_dark(f)) return dvec3(0.0);
   const double pdf = light.probability * light.arrival.pdf;
   dvec3 value = f * light.arrival.value * (local.z / pdf);
-  if (light.has_size && light.can_be_met)
-    value *= weight(pdf, material->pdf(&shading.surface.point, &shading.view.x, &local.x));
+  if (light.has_size && light.can_be_met) value *= weight(pdf, reflection.pdf);
   if (light.casts_shadow) {
     Ray ray{shading.origin, light.arrival.direction, light.arrival.distance};
     ray.length *= 1.0 - (light.has_slack ? kShapeSlack : kEndSlack);
@@ -241,25 +267,16 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
       }
     }
 
-    dvec3 local;
-    double pdf = 0.0;
-    const dvec2 u = sampler.pair(dimension + kMaterialPair);
-    material->sample(&surface.point, &shading.view.x, &u.x, sampler.pair(dimension + kChoicePair).y, &local.x, &pdf);
-    if (!(pdf > 0.0)) break;
-    const dvec3 direction = glm::normalize(shading.basis * local);
+    const Reflection reflection =
+        draw(shading, sampler.pair(dimension + kMaterialPair), sampler.pair(dimension + kChoicePair).y);
+    if (!(reflection.pdf > 0.0)) break;
+    const dvec3 direction = glm::normalize(shading.basis * reflection.light);
     if (glm::dot(direction, surface.facet) <= 0.0) break;
-    const std::uint32_t compensated = settings.has_multiple_scattering ? 1 : 0;
-    dvec3 f;
+    const dvec3 f = reflection.diffuse + reflection.specular;
     if (bounces == 1) {
-      dvec3 diffuse, specular;
-      material->evaluate(&surface.point, &shading.view.x, &local.x, 1, compensated, &diffuse.x);
-      material->evaluate(&surface.point, &shading.view.x, &local.x, 2, compensated, &specular.x);
-      f = diffuse + specular;
-      for (glm::length_t c = 0; c < 3; ++c) diffuse_share[c] = f[c] > 0.0 ? diffuse[c] / f[c] : 0.0;
-    } else {
-      material->evaluate(&surface.point, &shading.view.x, &local.x, 0, compensated, &f.x);
+      for (glm::length_t c = 0; c < 3; ++c) diffuse_share[c] = f[c] > 0.0 ? reflection.diffuse[c] / f[c] : 0.0;
     }
-    beta *= f * (local.z / (pdf * reflects));
+    beta *= f * (reflection.light.z / (reflection.pdf * reflects));
     if (is_dark(beta)) break;
     if (bounces >= settings.roulette_from) {
       const double life = std::min(largest(beta), kLongestLife);
@@ -268,7 +285,7 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
     }
     from = shading.origin;
     from_normal = surface.normal;
-    from_pdf = pdf;
+    from_pdf = reflection.pdf;
     travelled = 0.0;
     ray = {shading.origin, direction};
   }

@@ -50,6 +50,13 @@ class Integrator {
   [[nodiscard]] glm::dvec3 light_directly(const Shading& shading, const Sampler& sampler, std::uint32_t dimension,
                                           Counts& counts) const;
   [[nodiscard]] glm::dvec3 transmittance(Ray ray, Counts& counts) const;
+  /// What the material does with one direction of light.
+  struct Reflection {
+    glm::dvec3 light{0.0}, diffuse{0.0}, specular{0.0};
+    double pdf = 0.0;
+  };
+  [[nodiscard]] Reflection evaluate(const Shading& shading, const glm::dvec3& light) const;
+  [[nodiscard]] Reflection draw(const Shading& shading, const glm::dvec2& u, double u_lobe) const;
   [[nodiscard]] glm::dvec3 passed(const Surface& surface, const glm::dvec3& to_viewer) const;
   void find_visibility(const Surface& surface, const Sampler& sampler, Estimate& out, Counts& counts) const;
 };
