@@ -272,7 +272,7 @@ def emitters(both):
     for shape in BLOCKS:
         both.add(shape, (0.6, 0.6, 0.6), roughness=0.4)
     both.add(LAMP, (0, 0, 0), ior=1.0, emissive=(3, 2, 2))
-    both.add(shapes.quad((1.2, 0.4, 0.9), (0, 0, -1.4), (0, 0.9, 0)), (0, 0, 0), ior=1.0, emissive=(4, 6, 8), stripes=(1, 0, 1, 1, 0, 0, 1, 0))
+    both.add(shapes.quad((1.2, 0.4, -0.5), (0, 0, 1.4), (0, 0.9, 0)), (0, 0, 0), ior=1.0, emissive=(4, 6, 8), stripes=(1, 0, 1, 1, 0, 0, 1, 0))
 
 
 def alpha(both):

@@ -27,6 +27,7 @@ inline double occlusion_weight(Falloff falloff, double distance, double radius) 
 }
 
 using sampling::basis_around;
+using sampling::mix_bits;
 using sampling::pixel_seed;
 using sampling::sample_cosine_hemisphere;
 using sampling::Sobol2;
