@@ -328,6 +328,21 @@ Technique heat_map() {
   return t;
 }
 
+Technique path_tracer() {
+  Technique t = technique("ray_tracing/path_tracer");
+  t.ports = {surfaces_in("surfaces"), value_in("camera"), value_in("lights"),
+             image_out_sized("sky_map", VK_FORMAT_R32G32B32A32_SFLOAT, 64, 32, HEDDLE_PORT_KEPT),
+             image_out("radiance", VK_FORMAT_R32G32B32A32_SFLOAT, HEDDLE_PORT_KEPT)};
+  t.parameters = {choice("emission", {"lights", "seen"})};
+  t.stages = {{"sky", StageKind::kGpu, {written("sky_map")}},
+              {"trace",
+               StageKind::kCpu,
+               {touch("sky_map", HEDDLE_ACCESS_HOST_READ), touch("surfaces", HEDDLE_ACCESS_HOST_READ), value("camera"),
+                value("lights"), touch("radiance", HEDDLE_ACCESS_HOST_WRITE)}}};
+  t.shaders = {shader("sky", ShaderKind::kCompute, "sky", {"sky", "surface_material"})};
+  return t;
+}
+
 Technique deferred() {
   Technique t = technique("lighting/deferred");
   std::vector<Access> accesses;
@@ -438,7 +453,7 @@ PluginFolder::PluginFolder() {
   for (const Technique& t :
        {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(), gtao(), ray_traced(),
         baked(), bake_depth_maps(), shadow_map(), ray_marched_screen(), ggx(), tiled(), heat_map(), deferred(),
-        supersampled(), sorted(), display(), paint_dots()}) {
+        path_tracer(), supersampled(), sorted(), display(), paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());

@@ -79,7 +79,8 @@ TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
        {"sky/procedural", "sky/uniform", "sky/environment_map", "subdivision/catmull_clark", "gbuffer/raster",
         "ambient_occlusion/gtao", "ambient_occlusion/ray_traced", "ambient_occlusion/baked",
         "bake_visibility/depth_maps", "shadow/shadow_map", "shadow/ray_marched_screen", "surface_material/ggx",
-        "light_assignment/tiled", "light_count/heat_map", "lighting/deferred", "transparency/sorted", "display/linear"})
+        "light_assignment/tiled", "light_count/heat_map", "lighting/deferred", "ray_tracing/path_tracer",
+        "transparency/sorted", "display/linear"})
     if (registry.find(id).technique == nullptr) GTEST_SKIP() << id << " is not built";
   const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface"};
   prove(GetParam(), registry, {});

@@ -312,8 +312,8 @@ TEST(NewTechnique, RefusesAnUnknownRole) {
   EXPECT_EQ(ran.output,
             "error: there is no role 'shadwo'\n"
             "  expected: one of ambient_occlusion, antialiasing, bake_visibility, display, gbuffer, light_assignment, "
-            "light_count, lighting, "
-            "shadow, sky, subdivision, surface_material, transparency\n"
+            "light_count, lighting, ray_tracing, shadow, sky, subdivision, surface_material, surface_program, "
+            "transparency\n"
             "  help:     a new role begins with a role.toml in a folder of its own\n");
 }
 
