@@ -26,6 +26,15 @@ constexpr heddle_parameter kParameters[] = {
          kMaskLadder),
 };
 
+/// Three vec4 that ray_traced.glsl reads.
+struct RayFrame {
+  std::array<float, 3> shift;  // metres, of the tree's frame from the frame's origin
+  float seed;                  // bits of an integer
+  std::array<float, 4> ball;   // Casters::ball
+  float samples, near_distance;
+  std::array<float, 2> unused;
+};
+
 constexpr heddle_port kPorts[] = {
     value_in("lights", "the lights that `light` indexes"),
     surfaces_in("surfaces", "what casts"),
@@ -34,9 +43,8 @@ constexpr heddle_port kPorts[] = {
     value_out("bvh_nodes", kMostBytes, "the tree of boxes, two uvec4 a node", "uvec4 bvh_nodes[];"),
     value_out("bvh_triangles", kMostBytes, "corners, three uvec4 a triangle", "uvec4 bvh_triangles[];"),
     value_out("bvh_masks", kMostBytes, "bits of alpha masks", "uint bvh_masks[];"),
-    value_out("ray_frame", 2 * sizeof(std::array<float, 4>), "tree's frame from the frame's origin and the seed; a ball",
-              "vec4 ray_frame[];"),
-    list_out("cut_short", 1, 4, "uint cut_short[];", "lights whose answers took too many steps"),
+    value_out("ray_frame", sizeof(RayFrame), "where the tree is, and the parameters", "vec4 ray_frame[];"),
+    list_out("cut_short", 1U << 16U, 4, "uint cut_short[];", "lights at which a pixel had no steps left"),
 };
 
 constexpr heddle_access kBuildAccesses[] = {host_read("surfaces"),  value("lights"),    value("bvh_nodes"),
@@ -58,16 +66,18 @@ class RayTraced {
     bool is_wanted = false;
     for (const HeddleLight& light : frame.value<HeddleLight>("lights")) is_wanted |= casts_shadow(light);
     // Before the first light that casts there is nothing to build.
-    if (!is_wanted && !is_built_) return set_nothing(frame);
+    if (!is_wanted && !is_built_) return HEDDLE_OK;
     if (is_wanted) {
       if (const heddle_status status = update(frame); status != HEDDLE_OK) return status;
     }
-    std::array<std::array<float, 4>, 2> rays{};
-    for (std::size_t k = 0; k < 3; ++k) rays[0][k] = static_cast<float>(frame.info().origin[k] - origin_[k]);
+    RayFrame rays{};
+    for (std::size_t k = 0; k < 3; ++k) rays.shift[k] = static_cast<float>(frame.info().origin[k] - origin_[k]);
     const std::uint64_t seed = frame.info().seed;
-    rays[0][3] = std::bit_cast<float>(static_cast<std::uint32_t>(seed ^ seed >> 32U));
-    rays[1] = ball_;
-    return frame.set_value("ray_frame", std::span<const std::array<float, 4>>(rays));
+    rays.seed = std::bit_cast<float>(static_cast<std::uint32_t>(seed ^ seed >> 32U));
+    rays.ball = ball_;
+    rays.samples = static_cast<float>(frame.host().parameter("samples"));
+    rays.near_distance = static_cast<float>(frame.host().parameter("near_distance"));
+    return frame.set_value("ray_frame", std::span<const RayFrame>(&rays, 1));
   }
 
   void counted(const PassHost& host, const heddle_list_count& count) {
@@ -75,16 +85,11 @@ class RayTraced {
     if (cut == 0 || is_told_) return;
     is_told_ = true;
     host.warn(std::to_string(cut) +
-              " answers took more steps than a shader has and are the mean of the rays that were done; lower 'samples', "
-              "or let fewer lights cast shadows");
+              " pixels take more steps than a shader has, and see the mean of the rays that were done; lower 'samples', or "
+              "let fewer lights cast shadows");
   }
 
  private:
-  static heddle_status set_nothing(const Frame& frame) {
-    const std::array<std::array<float, 4>, 2> rays{};
-    return frame.set_value("ray_frame", std::span<const std::array<float, 4>>(rays));
-  }
-
   heddle_status update(const Frame& frame) {
     const heddle_snapshot* snapshot = nullptr;
     heddle_alpha_test test = nullptr;

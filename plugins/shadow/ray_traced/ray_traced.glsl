@@ -3,9 +3,11 @@
 // Source  Whitted 1980, "An Improved Illumination Model for Shaded Display"; Cook, Porter and Carpenter 1984, "Distributed
 //         Ray Tracing"; the walk: bvh.glsl
 // in      lights, camera; bvh_nodes, bvh_triangles, bvh_masks, ray_frame (casters.hpp); shadow_settings_light
-// out     cut_short  an element for each answer whose rays had no steps left
+// out     cut_short  the light at which an invocation had no steps left
 // loops   rays of an area light (<= 4096), each through at most all nodes, each leaf's triangles (<= 4). All calls of an
-//         invocation share kMostSteps of them: lavapipe ends loops after 65,535, silently
+//         invocation share kMostSteps of them: lavapipe ends loops after 65,535, silently, and counts an inner loop's end
+// No branch depends on a uniform block (ray_frame holds the parameters): lavapipe 22.3 looks for uniforms in conditions,
+// and writes past its own table for the fourth block and later ones.
 #include "bvh.glsl"
 #include "owen_sobol.glsl"
 #include "light_points.glsl"
@@ -19,6 +21,7 @@ const float kDepthError = 9.5367432e-7;      // 2^-20
 const float kCoordinateError = 4.7683716e-7; // 8 half units in the last place
 
 uint steps_taken = 0u;  // by this invocation, in all calls
+bool is_cut_short = false;
 
 // Whether an alpha mask has surface there: its bit of the micro-triangle, rows along the third corner's weight.
 bool is_surface(uint mask, vec2 weights) {
@@ -36,7 +39,7 @@ float ray_visibility(vec3 origin, vec3 direction, float reach) {
   BvhRay ray = bvh_ray(origin, direction, reach);
   uint count = uint(bvh_nodes.length()) / 2u;
   bool is_blocked = false;
-  for (uint node = 0u; node < count && !is_blocked && steps_taken <= kMostSteps; ++steps_taken) {
+  for (uint node = 0u; node < count && !is_blocked && steps_taken <= kMostSteps; steps_taken += 2u) {
     uvec4 low = bvh_nodes[2u * node], high = bvh_nodes[2u * node + 1u];
     bool meets = bvh_meets_box(ray, uintBitsToFloat(low.xyz), uintBitsToFloat(high.xyz));
     uint triangle = high.w >> 3u;
@@ -67,9 +70,9 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
 
   HeddleShadowSettings settings = fetch_shadow_settings_light(source.id);
   bool is_own = (settings.written & HeddleShadowSettings_near_distance) != 0u;
-  float near_distance = is_own ? settings.near_distance : params.near_distance;
-  float pixel = 2.0 * camera.half_size.y / float(camera.extent.y);
-  if (camera.is_orthographic == 0u) pixel *= length(position_rel);
+  float near_distance = is_own ? settings.near_distance : ray_frame[2].y;
+  float pixel = 2.0 * camera.half_size.y / float(camera.extent.y) *
+                mix(length(position_rel), 1.0, float(camera.is_orthographic));
   vec3 position = position_rel + ray_frame[0].xyz;
   float lift = kPixelError * pixel + kDepthError * length(position_rel) +
                kCoordinateError * bvh_largest(position.x, position.y, position.z);
@@ -78,10 +81,10 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
   float far = distance(origin, ray_frame[1].xyz) + ray_frame[1].w;
 
   uvec3 seed = mix_words(floatBitsToUint(position_rel) ^ uvec3(light, floatBitsToUint(ray_frame[0].w), 0u));
-  uint samples = is_area ? uint(params.samples) : 1u;
+  uint samples = is_area ? uint(ray_frame[2].x) : 1u;
   float sum = 0.0, weights = 0.0;
   uint i = 0u;
-  for (; i < samples && steps_taken <= kMostSteps; ++i, ++steps_taken) {
+  for (; i < samples && steps_taken <= kMostSteps; ++i, steps_taken += 2u) {
     LightRay ray = light_ray(source, start, normal, near_distance, far, owen_sobol_point(i, seed.xy));
     if (ray.weight <= 0.0) continue;
     float visibility = ray.reach > 0.0 ? ray_visibility(origin, ray.direction, ray.reach) : 1.0;
@@ -90,7 +93,10 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
     sum += ray.weight * visibility;
     weights += ray.weight;
   }
-  if (steps_taken > kMostSteps) append_cut_short(light);
+  if (steps_taken > kMostSteps && !is_cut_short) {
+    is_cut_short = true;
+    append_cut_short(light);
+  }
   if (steps_taken > kMostSteps && weights <= 0.0) return 1.0;
   return weights > 0.0 ? sum / weights : 0.0;
 }
