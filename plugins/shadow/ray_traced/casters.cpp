@@ -94,8 +94,9 @@ bool make_casters(bvh::Builder& builder, const heddle_snapshot& snapshot, heddle
     triangles.push_back({corners[0], kUncertainUlps * kHalfUlp * largest, corners[1], mask, corners[2], i});
     boxes.push_back(box_of(corners));
     if (triangles.size() * sizeof(Triangle) > kMostBytes || out.masks.size() * 4 > kMostBytes) {
-      error = "the triangles that cast, or their alpha masks, need more than 128 MiB, which is all that shaders can "
-              "read of a buffer; for masks, lower mask_levels";
+      error =
+          "the triangles that cast, or their alpha masks, need more than 128 MiB, which is all that shaders can "
+          "read of a buffer; for masks, lower mask_levels";
       return false;
     }
   }

@@ -20,7 +20,8 @@ constexpr heddle_parameter kParameters[] = {
     knob(integer("samples", "1", 1, 4096, 16,
                  "rays to a light that has a size; others take one. Powers of two fill it most evenly"),
          kSamplesLadder),
-    parameter("near_distance", "m", 0, 100, 0.02, "what is nearer than this to a light with a position casts no shadow"),
+    parameter("near_distance", "m", 0, 100, 0.02,
+              "what is nearer than this to a light with a position casts no shadow"),
     knob(integer("mask_levels", "1", 0, 10, 6,
                  "an alpha-masked triangle is 4^n micro-triangles, each there or a hole by the alpha at its middle"),
          kMaskLadder),
@@ -84,9 +85,10 @@ class RayTraced {
     const std::uint64_t cut = std::uint64_t{count.count} + count.overflow;
     if (cut == 0 || is_told_) return;
     is_told_ = true;
-    host.warn(std::to_string(cut) +
-              " pixels take more steps than a shader has, and see the mean of the rays that were done; lower 'samples', or "
-              "let fewer lights cast shadows");
+    host.warn(
+        std::to_string(cut) +
+        " pixels take more steps than a shader has, and see the mean of the rays that were done; lower 'samples', or "
+        "let fewer lights cast shadows");
   }
 
  private:
@@ -118,8 +120,8 @@ class RayTraced {
 
   bvh::Builder builder_;
   bool is_built_ = false;
-  std::uint64_t revision_ = 0;  // of the triangles in the tree
-  std::uint32_t levels_ = 0;    // of its masks
+  std::uint64_t revision_ = 0;      // of the triangles in the tree
+  std::uint32_t levels_ = 0;        // of its masks
   std::array<double, 3> origin_{};  // of the tree's frame, in the scene
   std::array<float, 4> ball_{};
   bool is_told_ = false;
@@ -128,7 +130,8 @@ class RayTraced {
 constexpr heddle_technique kRayTraced = [] {
   heddle_technique t = technique<RayTraced>(
       "shadow/ray_traced", "Shadows by rays through the scene's triangles: hard, and soft from lights with a size",
-      "Whitted 1980, An Improved Illumination Model for Shaded Display; Cook, Porter and Carpenter 1984, Distributed Ray "
+      "Whitted 1980, An Improved Illumination Model for Shaded Display; Cook, Porter and Carpenter 1984, Distributed "
+      "Ray "
       "Tracing; Woop, Benthin and Wald 2013, Watertight Ray/Triangle Intersection",
       kPorts, kParameters, kStages, kFunctions);
   t.flags = HEDDLE_TECHNIQUE_REFERENCE;

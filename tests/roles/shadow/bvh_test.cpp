@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// bvh.glsl and owen_sobol.glsl, compiled here as C++ (glm; literals are float by a compiler option, as in GLSL), over trees
-// of bvh.hpp, against every triangle in float64 and against Embree's own rays. Needs no device.
-#include "ambient_occlusion/ray_traced/estimator.hpp"
+// bvh.glsl and owen_sobol.glsl, compiled here as C++ (glm; literals are float by a compiler option, as in GLSL), over
+// trees of bvh.hpp, against every triangle in float64 and against Embree's own rays. Needs no device.
 #include "bvh.hpp"
+#include "ambient_occlusion/ray_traced/estimator.hpp"
 
 #include <glm/glm.hpp>
 #include <glm/gtc/integer.hpp>
@@ -303,7 +303,8 @@ TEST(Bvh, NothingShadowsTheTriangleItLiesOn) {
         std::uniform_real_distribution<float> even(0.0f, 1.0f);
         for (int k = 0; k < 20; ++k) {
           const float u = even(random), v = (1.0f - u) * even(random);
-          const dvec3 on = dvec3(c[0]) + double(u) * (dvec3(c[1]) - dvec3(c[0])) + double(v) * (dvec3(c[2]) - dvec3(c[0]));
+          const dvec3 on =
+              dvec3(c[0]) + double(u) * (dvec3(c[1]) - dvec3(c[0])) + double(v) * (dvec3(c[2]) - dvec3(c[0]));
           const double lift = 8_d * 0x1p-24 * std::max({std::abs(on.x), std::abs(on.y), std::abs(on.z)});
           const vec3 origin(on + lift * normal);
           vec3 direction = random_direction(random);
@@ -313,13 +314,15 @@ TEST(Bvh, NothingShadowsTheTriangleItLiesOn) {
           const glsl::BvhRay ray = glsl::bvh_ray(origin, direction, 1e6f);
           const float uncertain = 8.0f * 0x1p-24f * largest;
           met += glsl::bvh_meet_triangle(ray, c[0], c[1], c[2], uncertain).is_hit;
-          const glsl::BvhHit plain = glsl::bvh_meet_triangle(glsl::bvh_ray(vec3(on), direction, 1e6f), c[0], c[1], c[2], 0);
+          const glsl::BvhHit plain =
+              glsl::bvh_meet_triangle(glsl::bvh_ray(vec3(on), direction, 1e6f), c[0], c[1], c[2], 0);
           met_without += plain.is_hit;
         }
       }
     }
   }
-  std::printf("  of %d rays %d meet their own triangle, without lift and corners' rounding %d\n", rays, met, met_without);
+  std::printf("  of %d rays %d meet their own triangle, without lift and corners' rounding %d\n", rays, met,
+              met_without);
   EXPECT_EQ(met, 0);
   EXPECT_GT(met_without, 0) << "the test proves nothing";
   EXPECT_GT(rays, 10000);
@@ -329,7 +332,8 @@ TEST(Bvh, ThinObstaclesNearTheOriginAreMetAllTheSame) {
   // A plate 1 mm off a floor of 20 km: the floor's own uncertainty must not hide it.
   const float h = 1e4f;
   Mesh mesh;
-  mesh.triangles = {{vec3(-h, 0, -h), vec3(-h, 0, h), vec3(h, 0, h)}, {vec3(-h, 0, -h), vec3(h, 0, h), vec3(h, 0, -h)},
+  mesh.triangles = {{vec3(-h, 0, -h), vec3(-h, 0, h), vec3(h, 0, h)},
+                    {vec3(-h, 0, -h), vec3(h, 0, h), vec3(h, 0, -h)},
                     {vec3(-1, 0.001f, -1), vec3(-1, 0.001f, 1), vec3(1, 0.001f, 0)}};
   mesh.build();
   const float uncertain_floor = 8.0f * 0x1p-24f * h;

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hard cases of role shadow, for every technique that answers by the scene: closed forms, asked at points through the C API.
+// The hard cases of role shadow, for every technique that answers by the scene: closed forms, asked at points through
+// the C API.
 #include "patch.hpp"
 
 #include <gmock/gmock.h>
@@ -13,10 +14,10 @@ using namespace rendering;
 using shadow_patch::ask;
 using shadow_patch::cascaded;
 using shadow_patch::contact;
-using shadow_patch::techniques_of;
 using shadow_patch::Patch;
 using shadow_patch::ray_traced;
 using shadow_patch::shadow_map;
+using shadow_patch::techniques_of;
 
 /// Each value against what `expected` says of its point: 0, 1, or negative where both are right (within the filter).
 void expect_everywhere(const Image& image, const Patch& patch, const std::function<double(const dvec3&)>& expected,
@@ -490,8 +491,8 @@ TEST(ShadowJoin, EveryCombinationOfProvidersRendersUnderLighting) {
   const std::string second_map = "[[pass]]\nname = \"second\"\nrole = \"shadow\"\ntechnique = \"shadow_map\"\n";
   const std::string gbuffer = "[[pass]]\nrole = \"gbuffer\"\ntechnique = \"raster\"\n";
   const std::string screen = contact().substr(contact().find("[[pass]]", 1));
-  for (const std::string& shadows : {shadow_map(), screen, shadow_map() + screen, shadow_map() + screen + second_map, ray_traced(),
-                                     ray_traced() + screen}) {
+  for (const std::string& shadows : {shadow_map(), screen, shadow_map() + screen, shadow_map() + screen + second_map,
+                                     ray_traced(), ray_traced() + screen}) {
     for (const std::string& sky :
          {std::string(), std::string("[[pass]]\nrole = \"sky\"\ntechnique = \"procedural\"\n")}) {
       for (const std::string& material :

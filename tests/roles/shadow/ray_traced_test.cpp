@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// shadow/ray_traced against closed forms and float64 quadrature: penumbrae of lights of every shape, alpha masks, when the
-// tree is made; and the depth maps against it. Prints the tables of the README.
+// shadow/ray_traced against closed forms and float64 quadrature: penumbrae of lights of every shape, alpha masks, when
+// the tree is made; and the depth maps against it. Prints the tables of the README.
 #include "patch.hpp"
 
 #include <gmock/gmock.h>
@@ -325,8 +325,9 @@ TEST(RayTracedShadow, TellsWhereStepsRunOut) {
     if (line.find("steps") != std::string::npos) told.push_back(line);
   }
   ASSERT_EQ(told.size(), 1U);
-  EXPECT_THAT(told[0], testing::HasSubstr(" pixels take more steps than a shader has, and see the mean of the rays that "
-                                          "were done; lower 'samples', or let fewer lights cast shadows"));
+  EXPECT_THAT(told[0],
+              testing::HasSubstr(" pixels take more steps than a shader has, and see the mean of the rays that "
+                                 "were done; lower 'samples', or let fewer lights cast shadows"));
 }
 
 TEST(RayTracedShadow, DepthMapsComeNearerToItAsTheirResolutionRises) {
