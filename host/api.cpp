@@ -431,13 +431,15 @@ heddle_status heddle_graph_set(heddle_graph* graph, const char* setting) {
     heddle::graph::apply_setting(written, setting);
     heddle::graph::read_jobs(written, own_folder() / "graphs");
     const heddle::graph::ResolvedGraph resolved = heddle::graph::resolve(written, *graph->host->registry);
-    if (set_parameters_in_place(*graph, resolved)) {
+    const std::string_view key = std::string_view(setting).substr(0, std::string_view(setting).find('=') + 1);
+    // What a job makes by its settings is for the executor to find out.
+    const bool is_of_job = key.find('#') != std::string_view::npos;
+    if (!is_of_job && set_parameters_in_place(*graph, resolved)) {
       graph->written = std::move(written);
     } else {
       resolve_into(*graph, std::move(written));
     }
     // The last word on a key counts; frames that set one again and again add nothing.
-    const std::string_view key = std::string_view(setting).substr(0, std::string_view(setting).find('=') + 1);
     std::erase_if(graph->settings, [&](const std::string& said) { return said.starts_with(key); });
     graph->settings.emplace_back(setting);
   });
