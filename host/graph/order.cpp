@@ -270,8 +270,8 @@ class Scheduler {
     }
   }
 
-  /// What functions write on behalf of their callers is complete for others when the callers are done: for copies to the
-  /// host and for other passes. The maker's own stages stand before all callers, and see what the last frame left.
+  /// What functions write on behalf of their callers is complete for others when the callers are done: for copies to
+  /// the host and for other passes. The maker's own stages stand before all callers, and see what the last frame left.
   void connect_written_by_functions(NodeIndex n, ResourceIndex resource) {
     const Node& node = nodes_[n];
     const auto of_resource = [&](const auto& use) { return use.resource == resource; };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scene's components texture_source.virtual -> its textures, each once, and which material shows what part of which.
+// The scene's components texture_source.virtual -> its textures, each once, and which material shows what part of
+// which.
 #pragma once
 
 #include <heddle/pass.hpp>
@@ -19,8 +20,8 @@ inline constexpr const char* kComponent = "texture_source.virtual";
 inline constexpr std::uint32_t kLargestTile = 256;
 
 struct MaterialTexture {
-  std::uint32_t material = 0;  // id
-  std::uint32_t texture = 0;   // index
+  std::uint32_t material = 0;                              // id
+  std::uint32_t texture = 0;                               // index
   std::uint32_t chart_size = 0, chart_x = 0, chart_y = 0;  // texels of level 0
 };
 

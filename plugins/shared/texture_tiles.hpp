@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A texture of any size -> texels of any rectangle of any of its levels, sRGB, made from nothing but their place: a
 // virtual texture of 256 K texels needs no disk. Integers and float32 sums in a fixed order, so bytes repeat.
-// Source  fBm: Ebert et al. 2003, "Texturing and Modeling", chapter 2; its octaves end where a texel is as large as they
+// Source  fBm: Ebert et al. 2003, "Texturing and Modeling", chapter 2; its octaves end where a texel is as large as
+// they
 //         are (the same, chapter 2, "clamping"); stripes are box-filtered in closed form.
 #pragma once
 
@@ -77,8 +78,8 @@ struct Lattice {
   }
 };
 
-/// Adds octaves of value noise from `first` to `last` cells a side, each of amplitude `gain` of the one before; its mean
-/// is a half of the amplitudes' sum, which is returned. Octaves finer than two texels add their mean.
+/// Adds octaves of value noise from `first` to `last` cells a side, each of amplitude `gain` of the one before; its
+/// mean is a half of the amplitudes' sum, which is returned. Octaves finer than two texels add their mean.
 inline float add_octaves(std::vector<float>& sum, const std::vector<std::uint32_t>& xs,
                          const std::vector<std::uint32_t>& ys, std::uint32_t extent, std::uint32_t first,
                          std::uint32_t last, float gain, std::uint32_t salt) {
@@ -122,7 +123,8 @@ class Encoder {
   Encoder() {
     for (std::size_t code = 0; code < 255; ++code) {
       // Halfway between two codes, in linear light.
-      border_[code] = static_cast<float>((linear(static_cast<double>(code)) + linear(static_cast<double>(code) + 1)) / 2);
+      border_[code] =
+          static_cast<float>((linear(static_cast<double>(code)) + linear(static_cast<double>(code) + 1)) / 2);
     }
     for (std::size_t i = 0; i < first_.size(); ++i) {
       const float value = static_cast<float>(i) / static_cast<float>(first_.size());
@@ -131,8 +133,8 @@ class Encoder {
   }
   [[nodiscard]] std::uint8_t code(float value) const {
     const float clamped = std::clamp(value, 0.0F, 1.0F);
-    std::size_t found = first_[std::min(static_cast<std::size_t>(clamped * static_cast<float>(first_.size())),
-                                        first_.size() - 1)];
+    std::size_t found =
+        first_[std::min(static_cast<std::size_t>(clamped * static_cast<float>(first_.size())), first_.size() - 1)];
     while (found < 255 && clamped >= border_[found]) ++found;
     return static_cast<std::uint8_t>(found);
   }
@@ -176,7 +178,8 @@ class Road {
     const float tone = 0.035F + 0.05F * grain;
     color = mix(color, {tone, tone, tone * 1.04F}, asphalt);
     const float line = width_ * 0.03F, side = width_ * 0.9F;
-    const float sides = (shared(low, high, -side - line, -side + line) + shared(low, high, side - line, side + line)) / texel;
+    const float sides =
+        (shared(low, high, -side - line, -side + line) + shared(low, high, side - line, side + line)) / texel;
     const float dashes = shared(low, high, -line, line) / texel * dash_;
     color = mix(color, {0.62F, 0.61F, 0.57F}, std::min(sides + dashes, 1.0F) * (0.75F + 0.25F * grain));
   }

@@ -19,8 +19,9 @@ constexpr heddle_parameter kParameters[] = {
     knob(choice("filtering", kFilters, 1, "of texels, and between levels"), kFilterLadder),
     knob(integer("anisotropy", "1", 1, 16, 4, "taps along a pixel's long axis, at most"), kAnisotropyLadder),
     parameter("bias", "1", 0, 1, 0, "levels are rounded up less it: 0 never finer than pixels, 1 never coarser"),
-    integer("coarsest", "px", 1, 256, 128, "texels along each side of the last level: what the technique that is "
-                                           "compared has as its tile",
+    integer("coarsest", "px", 1, 256, 128,
+            "texels along each side of the last level: what the technique that is "
+            "compared has as its tile",
             HEDDLE_PARAMETER_REDECLARE),
 };
 
@@ -55,16 +56,16 @@ class Resident {
     const auto coarsest = std::bit_floor(static_cast<std::uint32_t>(host.integer("coarsest")));
     if (scene_.textures.size() > kMostTextures)
       return host.fail(HEDDLE_UNSUPPORTED, "the scene has " + std::to_string(scene_.textures.size()) +
-                                               " textures, and this technique keeps " +
-                                               std::to_string(kMostTextures) +
+                                               " textures, and this technique keeps " + std::to_string(kMostTextures) +
                                                " at most; texture_source/virtual has no such bound");
     levels_.clear();
     for (std::size_t i = 0; i < scene_.textures.size(); ++i) {
       const std::uint32_t extent = scene_.textures[i].extent;
       if (extent > kMostExtent)
-        return host.fail(HEDDLE_UNSUPPORTED, "a texture of " + std::to_string(extent) + " px is larger than " +
-                                                 std::to_string(kMostExtent) +
-                                                 ", the most that this technique keeps; texture_source/virtual shows it");
+        return host.fail(HEDDLE_UNSUPPORTED,
+                         "a texture of " + std::to_string(extent) + " px is larger than " +
+                             std::to_string(kMostExtent) +
+                             ", the most that this technique keeps; texture_source/virtual shows it");
       heddle_shape shape{};
       shape.width = shape.height = extent;
       shape.mips = static_cast<std::uint32_t>(std::countr_zero(extent / coarsest)) + 1;
@@ -138,9 +139,9 @@ class Resident {
 };
 
 constexpr heddle_technique kResident = [] {
-  heddle_technique t = technique<Resident>("texture_source/resident", "Whole textures with all of their levels",
-                                           "Williams 1983, Pyramidal Parametrics", kPorts, kParameters, kStages,
-                                           kFunctions);
+  heddle_technique t =
+      technique<Resident>("texture_source/resident", "Whole textures with all of their levels",
+                          "Williams 1983, Pyramidal Parametrics", kPorts, kParameters, kStages, kFunctions);
   t.flags = HEDDLE_TECHNIQUE_REFERENCE;
   t.features = tiles::kComponent;
   t.components = tiles::kComponent;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// texture_source/virtual: what pixels asked for some frames ago to tiles in a cache, and the function that looks them up
-// and asks for more. Nothing waits: what is not there yet shows its nearest ancestor that is.
+// texture_source/virtual: what pixels asked for some frames ago to tiles in a cache, and the function that looks them
+// up and asks for more. Nothing waits: what is not there yet shows its nearest ancestor that is.
 #include "residency.hpp"
 #include "texture_materials.hpp"
 
@@ -36,7 +36,8 @@ constexpr heddle_parameter kParameters[] = {
          kAnisotropyLadder),
     parameter("bias", "1", 0, 1, 0, "levels are rounded up less it: 0 never finer than pixels, 1 never coarser"),
     choice("tile", kTiles, 1, "texels along each side of a tile, without its border", HEDDLE_PARAMETER_REDECLARE),
-    integer("border", "px", 0, 16, 4, "of each tile, its neighbours' texels; 0: seams show", HEDDLE_PARAMETER_REDECLARE),
+    integer("border", "px", 0, 16, 4, "of each tile, its neighbours' texels; 0: seams show",
+            HEDDLE_PARAMETER_REDECLARE),
     integer("cache", "px", 128, 8192, 2048, "side of the image that tiles are in", HEDDLE_PARAMETER_REDECLARE),
     knob(integer("uploads", "1", 1, 256, 16, "tiles that arrive in one frame, at most", HEDDLE_PARAMETER_REDECLARE),
          kUploadsLadder),
@@ -49,12 +50,12 @@ constexpr heddle_parameter kParameters[] = {
 constexpr std::uint32_t kLatency = 2;
 constexpr std::uint32_t kFirstRequests = 4096;  // declare does not know how many pixels there are
 constexpr std::uint32_t kMostRequests = 1U << 22U;
-constexpr std::uint32_t kMostUpdate = 65536;  // bytes of one update of a buffer
+constexpr std::uint32_t kMostUpdate = 65536;                        // bytes of one update of a buffer
 constexpr std::uint64_t kMostTableBytes = std::uint64_t{1} << 27U;  // that every device lets a shader see
 constexpr std::uint32_t kFillThreads = 256;
-constexpr std::uint32_t kGroupsInRow = 32768;  // as fill.comp.glsl has it
+constexpr std::uint32_t kGroupsInRow = 32768;   // as fill.comp.glsl has it
 constexpr std::uint32_t kMostSlotsInRow = 256;  // entries have 8 bits
-constexpr float kLongAgo = -1e9F;  // s
+constexpr float kLongAgo = -1e9F;               // s
 
 /// As virtual.glsl reads it.
 struct State {
@@ -83,7 +84,7 @@ constexpr heddle_access kUploadAccesses[] = {transfer_read("tile_staging"), tran
 constexpr heddle_access kPublishAccesses[] = {value("tile_edits"), storage_write("tile_table"),
                                               transfer_write("slot_births")};
 constexpr heddle_access kFunctionAccesses[] = {
-    value("virtual_materials"),   value("virtual_state"),         storage_read("tile_table"),
+    value("virtual_materials"),   value("virtual_state"),      storage_read("tile_table"),
     sampled_linear("tile_cache"), storage_read("slot_births"), appended("requests"),
 };
 
@@ -114,11 +115,10 @@ class Virtual {
     in_row_ = std::min(side / pitch(), kMostSlotsInRow);
     const std::uint32_t textures = static_cast<std::uint32_t>(scene_.textures.size());
     if (in_row_ * in_row_ < textures + 1)
-      return host.fail(HEDDLE_BAD_INPUT, "a cache of " + std::to_string(side) + " px has room for " +
-                                             std::to_string(in_row_ * in_row_) + " tiles of " +
-                                             std::to_string(pitch()) + " px with borders, and " +
-                                             std::to_string(textures) +
-                                             " textures need more than one each: raise params.cache");
+      return host.fail(HEDDLE_BAD_INPUT,
+                       "a cache of " + std::to_string(side) + " px has room for " + std::to_string(in_row_ * in_row_) +
+                           " tiles of " + std::to_string(pitch()) + " px with borders, and " +
+                           std::to_string(textures) + " textures need more than one each: raise params.cache");
     first_cells_.clear();
     std::uint64_t cells = 0;
     for (const tiles::Texture& texture : scene_.textures) {
@@ -218,9 +218,12 @@ class Virtual {
     const auto* counters = host.service<heddle_counters_service>(HEDDLE_COUNTERS_SERVICE);
     if (counters == nullptr) return;
     const std::pair<const char*, std::uint64_t> counts[] = {
-        {"tiles_uploaded", changes_.uploads.size()}, {"tiles_evicted", changes_.evictions},
-        {"tiles_missing", changes_.missing},         {"tiles_wanted", changes_.wanted},
-        {"tiles_resident", residency_->resident_count()}, {"table_edits", changes_.edits.size()},
+        {"tiles_uploaded", changes_.uploads.size()},
+        {"tiles_evicted", changes_.evictions},
+        {"tiles_missing", changes_.missing},
+        {"tiles_wanted", changes_.wanted},
+        {"tiles_resident", residency_->resident_count()},
+        {"table_edits", changes_.edits.size()},
         {"level_bias", changes_.bias},
     };
     for (const auto& [name, number] : counts) counters->add(host.raw(), name, number);
@@ -242,7 +245,9 @@ class Virtual {
 
   [[nodiscard]] State state_of(const Frame& frame, float per_fade, float now) const {
     const std::uint32_t bits = kSpacingLog2[frame.host().choice("spacing")];
-    State state{{tile_, static_cast<std::uint32_t>(std::countr_zero(tile_)), border_, in_row_}, {1U << bits, 0, 0, 0}, {per_fade, now, 0, 0}};
+    State state{{tile_, static_cast<std::uint32_t>(std::countr_zero(tile_)), border_, in_row_},
+                {1U << bits, 0, 0, 0},
+                {per_fade, now, 0, 0}};
     // All pixels of a square in turn, far from the last: the frame's bits, reversed, take turns for x and y.
     for (std::uint32_t bit = 0; bit < bits; ++bit) {
       state.query[1] |= static_cast<std::uint32_t>(frame.info().index >> (2 * bit) & 1U) << (bits - 1 - bit);
@@ -259,8 +264,8 @@ class Virtual {
     std::vector<std::uint32_t> words;
     for (const Changes::Edit& edit : changes_.edits) {
       const std::uint32_t levels = root_of(edit.tile.texture) | edit.tile.level << 8U;
-      for (const std::uint32_t word : {first_cells_[edit.tile.texture], levels, edit.tile.x | edit.tile.y << 16U,
-                                       entry(edit.slot, edit.shown)})
+      for (const std::uint32_t word :
+           {first_cells_[edit.tile.texture], levels, edit.tile.x | edit.tile.y << 16U, entry(edit.slot, edit.shown)})
         words.push_back(word);
     }
     if (words.empty()) words.resize(4);
@@ -341,10 +346,9 @@ class Virtual {
 };
 
 constexpr heddle_technique kVirtual = [] {
-  heddle_technique t =
-      technique<Virtual>("texture_source/virtual", "Tiles of a huge texture that pixels asked for, in a cache",
-                         "Mittring 2008, Advanced Virtual Texture Topics", kPorts, kParameters, kStages, kShaders,
-                         kFunctions);
+  heddle_technique t = technique<Virtual>(
+      "texture_source/virtual", "Tiles of a huge texture that pixels asked for, in a cache",
+      "Mittring 2008, Advanced Virtual Texture Topics", kPorts, kParameters, kStages, kShaders, kFunctions);
   t.features = tiles::kComponent;
   t.components = tiles::kComponent;
   t.device_features = "fragmentStoresAndAtomics";

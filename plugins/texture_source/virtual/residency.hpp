@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// Tiles that pixels asked for -> which tiles are in the cache, in which slot, and what has to change this frame. No GPU,
-// no texels. Invariants: each texture's root is resident and stays; a resident tile's parent is resident; what is wanted
-// is never evicted.
-// Source  Mittring 2008, "Advanced Virtual Texture Topics": quad-tree, least recently used, coarse first
+// Tiles that pixels asked for -> which tiles are in the cache, in which slot, and what has to change this frame. No
+// GPU, no texels. Invariants: each texture's root is resident and stays; a resident tile's parent is resident; what is
+// wanted is never evicted. Source  Mittring 2008, "Advanced Virtual Texture Topics": quad-tree, least recently used,
+// coarse first
 #pragma once
 
 #include <algorithm>
@@ -33,7 +33,7 @@ struct Changes {
     std::uint32_t slot = 0;
   };
   struct Edit {
-    Tile tile;  // all cells below it ...
+    Tile tile;   // all cells below it ...
     Tile shown;  // ... show this one from now on: itself, or after an eviction its nearest resident ancestor
     std::uint32_t slot = 0;
   };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// probe/shadow, sky, surface_material, light, texture: a grid of points or directions to what functions answer; probe/text: what
-// a text answers that the pass itself makes. For tests.
+// probe/shadow, sky, surface_material, light, texture: a grid of points or directions to what functions answer;
+// probe/text: what a text answers that the pass itself makes. For tests.
 #include <heddle/pass.hpp>
 
 #include <fstream>

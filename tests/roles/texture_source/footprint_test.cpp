@@ -30,8 +30,8 @@ constexpr double operator""_d(long double value) {
 
 constexpr int kTile = 128, kBorder = 4, kPitch = kTile + 2 * kBorder;
 
-/// Distance in texels of the cache between where the place is looked up and where it should be, one axis: the slot is the
-/// last of a cache of 8192.
+/// Distance in texels of the cache between where the place is looked up and where it should be, one axis: the slot is
+/// the last of a cache of 8192.
 double error_of(float u, double exact, int extent, int level, float chart_size, int first) {
   const TexturePlace place = glsl::texture_place(vec2(u, u), ivec2(first), chart_size, extent, glsl::kAddressWrap);
   const glsl::TileEntry entry{ivec2(59, 59), level};
@@ -47,8 +47,8 @@ struct Curve {
   double table = 0, chart = 0, scaled = 0, half = 0;
 };
 
-/// Largest errors over places between `extent` - 1 and `extent` texels and others: what the table finds from one float of
-/// the whole texture and from one of an eighth of it, and what a scale and a bias of the whole texture would find in
+/// Largest errors over places between `extent` - 1 and `extent` texels and others: what the table finds from one float
+/// of the whole texture and from one of an eighth of it, and what a scale and a bias of the whole texture would find in
 /// float32 and with the bias rounded to float16.
 Curve errors_of(int extent) {
   Curve worst;
@@ -59,7 +59,8 @@ Curve errors_of(int extent) {
     const float u = static_cast<float>(exact);
     worst.table = std::max(worst.table, error_of(u, exact, extent, 0, static_cast<float>(extent), 0));
     const float local = static_cast<float>((exact - 0.875_d) * 8);
-    worst.chart = std::max(worst.chart, error_of(local, exact, extent, 0, static_cast<float>(extent / 8), extent / 8 * 7));
+    worst.chart =
+        std::max(worst.chart, error_of(local, exact, extent, 0, static_cast<float>(extent / 8), extent / 8 * 7));
     const double texel = exact * extent, tile = std::floor(texel / kTile);
     const double ideal = 59.0_d * kPitch + kBorder + (texel - tile * kTile);
     const float scale = static_cast<float>(extent);
@@ -128,8 +129,7 @@ TEST(TexturePlace, IsTheFloorOfTheExactProductOnEveryTileEdgeAndAtRandom) {  // 
     us.push_back(std::nextafter(edge, -4.0F));
     us.push_back(std::nextafter(edge, 4.0F));
   }
-  for (int i = 0; i < 1000000; ++i)
-    us.push_back(static_cast<float>(static_cast<double>(random()) * 0x1p-32 * 6 - 3));
+  for (int i = 0; i < 1000000; ++i) us.push_back(static_cast<float>(static_cast<double>(random()) * 0x1p-32 * 6 - 3));
   std::size_t wrong = 0;
   for (const unsigned mode : {glsl::kAddressWrap, glsl::kAddressMirror, glsl::kAddressClamp}) {
     for (const float u : us) {
@@ -185,7 +185,8 @@ TEST(TextureFootprint, HasTheAxesOfTheEllipseAndNoTapIsWiderThanItsTexel) {
     const int within = glsl::taps_within_border(16, 4, 1);
     EXPECT_EQ(within, 8);
     const TextureFootprint bounded = glsl::texture_footprint(dx, dy, within, 20);
-    const vec2 last = glsl::tap_offset(bounded, vec2(1), bounded.taps - 1, glsl::footprint_level(bounded.lambda, 0, 20));
+    const vec2 last =
+        glsl::tap_offset(bounded, vec2(1), bounded.taps - 1, glsl::footprint_level(bounded.lambda, 0, 20));
     EXPECT_LE(glm::length(last) + 0.5F, 4.0F + 8e-3F);
   }
   EXPECT_EQ(glsl::taps_within_border(16, 1, 1), 2);

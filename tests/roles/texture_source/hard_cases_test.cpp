@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hard cases of role texture_source: the function asked directly, at chosen coordinates, and while the gbuffer draws.
+// The hard cases of role texture_source: the function asked directly, at chosen coordinates, and while the gbuffer
+// draws.
 #include "roles/readme.hpp"
 #include "roles/rendering.hpp"
 
@@ -32,8 +33,7 @@ std::string pair_text(const glm::dvec2& v) {
 std::string probe_graph(const std::string& technique, const std::string& parameters) {
   return "extent = [64, 48]\noutput = \"ask.values\"\n[[pass]]\nname = \"source\"\nrole = \"texture_source\"\n"
          "technique = \"" +
-         technique + "\"\n" + parameters +
-         "[[pass]]\nname = \"ask\"\nrole = \"probe\"\ntechnique = \"texture\"\n";
+         technique + "\"\n" + parameters + "[[pass]]\nname = \"ask\"\nrole = \"probe\"\ntechnique = \"texture\"\n";
 }
 
 /// A scene whose material 0 has the component, with a lit floor so that there is something to look at.
@@ -120,8 +120,8 @@ struct Texel {
   friend bool operator==(const Texel&, const Texel&) = default;
 };
 Texel decoded(const Image& image, std::uint32_t px, std::uint32_t py) {
-  const std::uint32_t code = code_of(image.at(px, py, 0)) | code_of(image.at(px, py, 1)) << 8U |
-                             code_of(image.at(px, py, 2)) << 16U;
+  const std::uint32_t code =
+      code_of(image.at(px, py, 0)) | code_of(image.at(px, py, 1)) << 8U | code_of(image.at(px, py, 2)) << 16U;
   return {code & 1023U, code >> 10U & 1023U, code >> 20U};
 }
 
@@ -153,7 +153,8 @@ int level_of(const Camera& camera, double extent, int coarsest) {
 }
 
 constexpr const char* kExact =
-    "params.filtering = \"nearest\"\nparams.anisotropy = 1\nparams.spacing = \"2\"\nparams.uploads = 64\nparams.window = 8\n";
+    "params.filtering = \"nearest\"\nparams.anisotropy = 1\nparams.spacing = \"2\"\nparams.uploads = 64\nparams.window "
+    "= 8\n";
 
 TEST(TextureSource, AnswersTheTexelThatIsAskedForInEveryLevel) {  // H1, H2
   constexpr std::uint32_t kExtent = 16384;
@@ -176,7 +177,8 @@ TEST(TextureSource, AnswersTheTexelThatIsAskedForInEveryLevel) {  // H1, H2
         for (std::uint32_t x = 0; x < kWidth; ++x) {
           const glm::vec2 uv = uv_of(camera, x, y);
           const auto m = static_cast<std::uint32_t>(level);
-          const Texel expected{texel_of(uv.x, kExtent, m, address) & 1023U, texel_of(uv.y, kExtent, m, address) & 1023U, m};
+          const Texel expected{texel_of(uv.x, kExtent, m, address) & 1023U, texel_of(uv.y, kExtent, m, address) & 1023U,
+                               m};
           wrong += decoded(image, x, y) == expected ? 0U : 1U;
           ++seen;
         }
@@ -333,7 +335,8 @@ TEST(TextureSource, IsTheReferencesPictureWhereAllTilesAreResident) {
         for (const std::string taps : {"1", "4"}) {
           const std::string shared = "params.filtering = \"" + filtering + "\"\nparams.anisotropy = " + taps + "\n";
           Graph resident(probe_graph("resident", shared));
-          Graph paged(probe_graph("virtual", shared + "params.spacing = \"2\"\nparams.uploads = 64\nparams.window = 8\n"));
+          Graph paged(
+              probe_graph("virtual", shared + "params.spacing = \"2\"\nparams.uploads = 64\nparams.window = 8\n"));
           double worst = 1e30;
           for (int i = 0; i < 4; ++i) {
             Camera camera = camera_at(random, std::exp2(-1 + 3.5 * static_cast<double>(random()) * 0x1p-32), 2048);
@@ -344,7 +347,8 @@ TEST(TextureSource, IsTheReferencesPictureWhereAllTilesAreResident) {
             settle(paged, scene.scene);
             worst = std::min(worst, psnr(paged.image(scene.scene), resident.image(scene.scene)));
           }
-          std::printf("%s %s %s %s taps: PSNR %.1f dB\n", source.c_str(), mode.c_str(), filtering.c_str(), taps.c_str(), worst);
+          std::printf("%s %s %s %s taps: PSNR %.1f dB\n", source.c_str(), mode.c_str(), filtering.c_str(), taps.c_str(),
+                      worst);
           EXPECT_GE(worst, 60) << source << " " << mode << " " << filtering << " " << taps;
         }
       }
@@ -361,7 +365,8 @@ TEST(TextureSource, LongFootprintsTakeNothingFromTheNeighboursInTheCache) {  // 
   TextureScene scene(R"({"source": "ramp", "extent": 4096})");
   // A cache in which each tile has other tiles around it, and footprints of 8 x 1 texels in all directions.
   Graph resident(probe_graph("resident", "params.anisotropy = 8\n"));
-  Graph paged(probe_graph("virtual", "params.anisotropy = 8\nparams.spacing = \"2\"\nparams.uploads = 64\nparams.window = 8\n"));
+  Graph paged(probe_graph("virtual",
+                          "params.anisotropy = 8\nparams.spacing = \"2\"\nparams.uploads = 64\nparams.window = 8\n"));
   std::mt19937 random(23);
   double worst = 0;
   for (int i = 0; i < 12; ++i) {
@@ -374,7 +379,8 @@ TEST(TextureSource, LongFootprintsTakeNothingFromTheNeighboursInTheCache) {  // 
     const Image a = paged.image(scene.scene), b = resident.image(scene.scene);
     for (std::uint32_t y = 0; y < kHeight; ++y)
       for (std::uint32_t x = 0; x < kWidth; ++x)
-        for (std::uint32_t c = 0; c < 3; ++c) worst = std::max(worst, std::abs(code_at(a, x, y, c) - code_at(b, x, y, c)));
+        for (std::uint32_t c = 0; c < 3; ++c)
+          worst = std::max(worst, std::abs(code_at(a, x, y, c) - code_at(b, x, y, c)));
   }
   std::printf("largest difference with 8 taps: %.3f of 255\n", worst);
   EXPECT_LE(worst, 1);
@@ -383,7 +389,8 @@ TEST(TextureSource, LongFootprintsTakeNothingFromTheNeighboursInTheCache) {  // 
 /// The largest step from pixel to pixel across tiles' sides, and inside of tiles, in 255ths of the sRGB code.
 std::pair<double, double> steps_of(const std::string& border) {
   TextureScene scene(R"({"source": "ramp", "extent": 4096})");
-  Graph paged(probe_graph("virtual", "params.spacing = \"2\"\nparams.window = 8\nparams.anisotropy = 1\nparams.border = " + border + "\n"));
+  Graph paged(probe_graph(
+      "virtual", "params.spacing = \"2\"\nparams.window = 8\nparams.anisotropy = 1\nparams.border = " + border + "\n"));
   // A quarter of a texel a pixel, 16 texels in all, around the corner of four tiles.
   const Camera camera{{(1024.0 - 8.125) / 4096, (1024.0 - 6.125) / 4096}, {0.25 / 4096, 0}, {0, 0.25 / 4096}};
   look(paged, camera);
@@ -495,7 +502,9 @@ struct Plane {
 };
 std::string frame_graph(const std::string& technique) {
   return "extent = [96, 64]\noutput = \"gbuffer.base_color\"\n" +
-         (technique.empty() ? "" : "[[pass]]\nname = \"source\"\nrole = \"texture_source\"\ntechnique = \"" + technique + "\"\n") +
+         (technique.empty()
+              ? ""
+              : "[[pass]]\nname = \"source\"\nrole = \"texture_source\"\ntechnique = \"" + technique + "\"\n") +
          "[[pass]]\nrole = \"gbuffer\"\ntechnique = \"raster\"\nparams.precision = \"float32\"\n";
 }
 

@@ -313,7 +313,7 @@ TEST(NewTechnique, RefusesAnUnknownRole) {
       ran.output,
       "error: there is no role 'shadwo'\n"
       "  expected: one of ambient_occlusion, antialiasing, display, gbuffer, light_assignment, light_count, lighting, "
-      "shadow, sky, subdivision, surface_material, transparency\n"
+      "shadow, sky, subdivision, surface_material, texture_source, transparency\n"
       "  help:     a new role begins with a role.toml in a folder of its own\n");
 }
 
