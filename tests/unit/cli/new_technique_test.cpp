@@ -313,7 +313,7 @@ TEST(NewTechnique, RefusesAnUnknownRole) {
             "error: there is no role 'shadwo'\n"
             "  expected: one of ambient_occlusion, antialiasing, bake_visibility, display, gbuffer, light_assignment, "
             "light_count, lighting, ray_tracing, shadow, sky, subdivision, surface_material, surface_program, "
-            "transparency\n"
+            "texture_source, transparency\n"
             "  help:     a new role begins with a role.toml in a folder of its own\n");
 }
 
