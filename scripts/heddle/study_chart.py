@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import pathlib
 
-from .study import Study
+from .study import Point, Study
 
 WHY_NONE = ("matplotlib is not installed, so there is no chart; the numbers are in the tables\n"
             "  help: on Debian, apt-get install python3-matplotlib")
@@ -66,21 +66,26 @@ def why_none(study: Study, rows: list[dict]) -> str:
 
 def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str) -> None:
     found = {(row["variant"], row["knobs"], row["quantity"]): row for row in rows if row.get("value") is not None}
-    front = []
-    for number, variant in enumerate(dict.fromkeys(point.variant for point in study.points)):
+    front, dominated = [], []
+    # A line a ladder: a variant that climbs each of its ladders alone has several.
+    ladders: dict[tuple, list[Point]] = {}
+    for point in study.points:
+        ladders.setdefault((point.variant, tuple(knob for knob, _ in point.knobs)), []).append(point)
+    for number, ((variant, own_knobs), points) in enumerate(ladders.items()):
         drawn = []
-        for point in study.points:
+        for point in points:
             knobs = " ".join(f"{knob}={value}" for knob, value in point.knobs)
             time, error = found.get((variant, knobs, quantity)), found.get((variant, knobs, metric))
             # A logarithm has no place for an error of 0: such points are in the tables alone.
-            if point.variant == variant and time and error and time["value"] > 0 and error["value"] > 0:
+            if time and error and time["value"] > 0 and error["value"] > 0:
                 drawn.append((time, error, ", ".join(str(value) for _, value in point.knobs)))
+                dominated += [drawn[-1]] if error.get("dominated_by") else []
                 if error.get("is_on_front") and quantity == "frame":
                     front.append((time["value"], error["value"]))
         if not drawn:
             continue
         x, y = [t["value"] for t, _, _ in drawn], [e["value"] for _, e, _ in drawn]
-        names = ", ".join(knob for knob, _ in next(p.knobs for p in study.points if p.variant == variant))
+        names = ", ".join(own_knobs)
         axes.errorbar(x, y, xerr=reaches([t for t, _, _ in drawn]), yerr=reaches([e for _, e, _ in drawn]), capsize=2,
                       color=COLORS[number % len(COLORS)], marker=MARKERS[number % len(MARKERS)], markersize=5, linewidth=1.2,
                       elinewidth=0.8, label=f"{variant} ({names})" if names else variant)
@@ -88,6 +93,9 @@ def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str)
             if values and (len(values) <= 12 or k in (0, len(drawn) - 1)):
                 axes.annotate(values, (time["value"], error["value"]), textcoords="offset points",
                               xytext=(5, 5 if k % 2 == 0 else -10), fontsize=6.5)
+    if dominated:
+        axes.plot([t["value"] for t, _, _ in dominated], [e["value"] for _, e, _ in dominated], "x", color="black", markersize=9,
+                  label="dominated by a cheaper rung, beyond the noise")
     if len(front) > 1:
         front.sort()
         axes.step([x for x, _ in front], [y for _, y in front], where="post", color="0.5", linestyle=":", linewidth=1.5,
