@@ -76,6 +76,7 @@ class Study:
     tone_mapper: str
     seed: int
     leave_one_out: tuple[str, ...] = ()  # variants of whose first point each pass is left out in turn
+    chart_pass: str | None = None  # whose own time the chart shows beside the frame's; None: pass_name
     extents: tuple[tuple[int, int], ...] = ()  # at which points are timed as well, for the cost model
 
 
@@ -86,7 +87,7 @@ STUDY_KEYS = {
     "title": TEXT, "graph": TEXT, "set": TEXTS, "role": TEXT, "pass": TEXT, "port": TEXT, "metrics": TEXTS, "rounds": WHOLE,
     "frames": WHOLE, "settle": WHOLE, "resolution": NUMBER, "error_resolution": NUMBER, "budget_minutes": NUMBER,
     "exposures": NUMBERS, "tone_mapper": TEXT, "seed": WHOLE, "scene": TABLES, "variant": TABLES, "reference": TABLE,
-    "leave_one_out": TEXTS, "extents": ANY,
+    "leave_one_out": TEXTS, "extents": ANY, "chart_pass": TEXT,
 }
 SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "times": NUMBERS, "overlays": TEXTS,
               "arguments": TABLE}
@@ -286,6 +287,8 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
     scenes = read_scenes(reader, table.get("scene", []))
     points = read_variants(reader, table.get("variant", []), graph, settings, role, pass_name, port)
     reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name)
+    if passes and table.get("chart_pass") not in (None, *passes):
+        reader.unknown(("chart_pass",), "pass", table["chart_pass"], passes)
     leave_one_out, extents = read_more(reader, table, points, graph, settings)
     study = Study(
         name, table.get("title", name), port or "", pass_name, scenes, points, reference, wanted,
@@ -293,7 +296,8 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
         settle=reader.number(table, "settle", 1, 1, 10000), resolution=reader.number(table, "resolution", 0.02, 1e-4, 1),
         error_resolution=reader.number(table, "error_resolution", 0.02, 1e-4, 1),
         budget_minutes=reader.number(table, "budget_minutes", 30, 0, 1e6), exposures=exposures, tone_mapper=tone_mapper,
-        seed=reader.number(table, "seed", 0, 0, 2**31), leave_one_out=leave_one_out, extents=extents)
+        seed=reader.number(table, "seed", 0, 0, 2**31), leave_one_out=leave_one_out,
+        chart_pass=table.get("chart_pass"), extents=extents)
     if reader.errors:
         raise Error(2, "\n".join(reader.errors))
     return study

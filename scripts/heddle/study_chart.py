@@ -33,8 +33,8 @@ def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path |
         return None
     metric = study.metrics[0]
     times = [("frame", "frame, submission to fence [ms]")]
-    if study.pass_name is not None:
-        times.append((f"pass {study.pass_name}", f"pass '{study.pass_name}' alone [ms]"))
+    if (shown := study.chart_pass or study.pass_name) is not None:
+        times.append((f"pass {shown}", f"pass '{shown}' alone [ms]"))
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     figure, all_axes = plt.subplots(len(scenes), len(times), squeeze=False, layout="constrained",
                                     figsize=(6.2 * len(times), 4.6 * len(scenes)))
@@ -47,6 +47,65 @@ def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path |
             all_axes[i][0].legend(fontsize=7)
     figure.suptitle(study.title)
     partial = folder / f".error_over_time.partial.png"
+    figure.savefig(partial, dpi=130)
+    plt.close(figure)
+    partial.replace(file)
+    return file
+
+
+def arguments_of(study: Study) -> tuple[str, dict[str, float]] | None:
+    """(name, {scene: value}) of the one number in which all scenes of a study differ: 64, 256 and 1024 lights, for instance."""
+    made = [(scene.name, dict(scene.arguments)) for scene in study.scenes]
+    names = {name for _, own in made for name in own if len({repr(other.get(name)) for _, other in made}) > 1}
+    others = {(scene.file, scene.camera, scene.time, scene.overlays) for scene in study.scenes}
+    if len(made) < 2 or len(names) != 1 or len(others) != 1:
+        return None
+    name = names.pop()
+    values = {scene: own.get(name) for scene, own in made}
+    if not all(isinstance(value, (int, float)) and not isinstance(value, bool) and value > 0 for value in values.values()):
+        return None
+    return name, {scene: float(value) for scene, value in values.items()}
+
+
+def draw_over_scenes(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path | None:
+    """FOLDER/time_over_scenes.png, of a study whose scenes differ in one number: the frame's time over it, and the pass's, a line
+    a point. None without matplotlib, or where there is no such number; then an earlier run's is removed."""
+    file = folder / "time_over_scenes.png"
+    found = arguments_of(study)
+    if found is None or not any(row["quantity"] == "frame" and row.get("value") for row in rows):
+        file.unlink(missing_ok=True)
+        return None
+    try:
+        import matplotlib
+
+        matplotlib.use("Agg")
+        import matplotlib.pyplot as plt
+    except ImportError:
+        return None
+    name, values = found
+    times = [("frame", "frame, submission to fence [ms]")]
+    if (shown := study.chart_pass or study.pass_name) is not None:
+        times.append((f"pass {shown}", f"pass '{shown}' alone [ms]"))
+    figure, all_axes = plt.subplots(1, len(times), squeeze=False, layout="constrained", figsize=(5.6 * len(times), 4.4))
+    for axes, (quantity, label) in zip(all_axes[0], times):
+        for number, point in enumerate(study.points):
+            knobs = " ".join(f"{knob}={value}" for knob, value in point.knobs)
+            own = sorted(((values[row["scene"]], row) for row in rows if row["quantity"] == quantity and row.get("value")
+                          and (row["variant"], row["knobs"]) == (point.variant, knobs)), key=lambda each: each[0])
+            if own:
+                axes.errorbar([x for x, _ in own], [row["value"] for _, row in own], yerr=reaches([row for _, row in own]), capsize=3,
+                              color=COLORS[number % len(COLORS)], marker=MARKERS[number % len(MARKERS)], markersize=5,
+                              linewidth=1.2, elinewidth=0.8, label=point.name)
+        axes.set(xscale="log", yscale="log", xlabel=f"{name} of {pathlib.Path(study.scenes[0].file).stem}", ylabel=label)
+        axes.margins(0.08)
+        for axis in (axes.xaxis, axes.yaxis):
+            plain_numbers(axis)
+        axes.set_xticks(sorted(values.values()), minor=False)
+        axes.set_xticks([], minor=True)
+        axes.grid(True, which="both", alpha=0.25)
+    all_axes[0][0].legend(fontsize=8)
+    figure.suptitle(f"{study.title}\nmedians with 95 % intervals", fontsize=11)
+    partial = folder / ".time_over_scenes.partial.png"
     figure.savefig(partial, dpi=130)
     plt.close(figure)
     partial.replace(file)

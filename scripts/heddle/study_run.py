@@ -826,7 +826,11 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
     cost_model.print_models(more["cost_models"])
     for name in ("results.csv", "results.json"):
         say(f"wrote {folder / name}")
-    say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
+    over = study_chart.draw_over_scenes(study, rows, folder)
+    if over:
+        say(f"wrote {over}")
+    if chart or not over:
+        say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
     return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
 
 

@@ -172,17 +172,14 @@ def combine(base_ms: float, passes: Sequence[Sequence[tuple[Option, float, float
     return found
 
 
-def around(guesses: Sequence[Guess], is_within: Callable[[Guess], bool], count: int) -> list[Guess]:
-    """Of a front, those on both sides of a bound: three quarters within it, where there are so many.
+def around(guesses: Sequence[Guess], is_within: Callable[[Guess], bool], is_of_time: bool, count: int) -> list[Guess]:
+    """Of a front, those on both sides of a bound, the nearest to it first: three quarters within it, where there are so many.
 
-    Of a time the fast ones are within, of an error the slow ones.
+    guesses: the fastest first, so that of a bound of time the first ones are within, of one of error the last ones
     """
     within = [each for each in guesses if is_within(each)]
     beyond = [each for each in guesses if not is_within(each)]
-    if within and beyond and within[0].ms < beyond[0].ms:
-        within.reverse()  # the nearest to the bound first
-    else:
-        beyond.reverse()
+    (within if is_of_time else beyond).reverse()
     inside = min(len(within), max(count - len(beyond), (3 * count + 3) // 4))
     return within[:inside] + beyond[:count - inside]
 
@@ -341,9 +338,9 @@ def views_of(host: Host, scene_file: str, arguments: argparse.Namespace, folder:
         if others:
             checking = views(others, times)
         else:
-            file = folder / "check_views.scene.toml"
+            file = folder / "check.scene.toml"
             write_file(str(file), looking_at_the_middle(described["bounds"]))
-            checking = views(["check left", "check right", "check above"], times, (str(file),))
+            checking = views(["left", "right", "above"], times, (str(file),))
             said = "the scene has no other camera: it is checked from three that look at its middle (--check-camera, --check-time)"
     if both := [view.name for view in checking if view in choosing]:
         raise Error(2, f"error: view '{both[0]}' is to choose and to check\n  expected: --check-camera or --check-time that take "
@@ -356,7 +353,7 @@ def looking_at_the_middle(bounds: Sequence[Sequence[float]]) -> str:
     low, high = np.asarray(bounds[0], float), np.asarray(bounds[1], float)
     middle, radius = 0.5 * (low + high), max(0.5 * float(np.linalg.norm(high - low)), 1e-6)
     text = "# Views that check what was tuned.\n"
-    for name, turn, lift in (("check left", -0.9, 0.25), ("check right", 1.1, 0.15), ("check above", 0.3, 0.9)):
+    for name, turn, lift in (("left", -0.9, 0.25), ("right", 1.1, 0.15), ("above", 0.3, 0.9)):
         toward = np.array([math.sin(turn) * math.cos(lift), math.sin(lift), math.cos(turn) * math.cos(lift)])
         at = middle + toward * radius / math.sin(0.45)
         text += (f"[[camera]]\nname = \"{name}\"\nposition = [{', '.join(f'{x:.9g}' for x in at)}]\n"
@@ -463,7 +460,8 @@ def tune(arguments: argparse.Namespace, stop: Callable[[], None]) -> int:
         limit = as_error(bound.value, metric)
         fresh = [each for each in around(
             [each for each in guesses if " ".join(each.settings) not in tried],
-            lambda each: each.ms * slow <= bound.value if bound.quantity == "frame" else each.error * wrong <= limit, TRIED)]
+            lambda each: each.ms * slow <= bound.value if bound.quantity == "frame" else each.error * wrong <= limit,
+            bound.quantity == "frame", TRIED)]
         if not fresh:
             break
         points = [Point("as it is", graph, settings, ())]
