@@ -12,7 +12,8 @@ void add_baseline(CLI::App& app) {
   CLI::App* command = app.add_subcommand(
       "baseline", "keep error, counters and bytes of every technique (record), or say what has changed since (check)");
   command->allow_extras();
-  command->add_option("action", "record: keep what is now; check: exit status 1 if anything differs from what was kept");
+  command->add_option("action",
+                      "record: keep what is now; check: exit status 1 if anything differs from what was kept");
   command->add_option("file", "ROLE or ROLE/TECHNIQUE (default: all)")->expected(0, -1);
   command->add_option("--folder", "where baselines are kept, a folder a machine and driver");
   command->add_option("--tolerance", "relative difference of errors that is none (default: 0)");

@@ -24,7 +24,7 @@ import numpy as np
 
 from . import Error, Host, compare, version
 from . import study as definition
-from .__main__ import write_file
+from .__main__ import load_scene, write_file
 from .study_run import Lost, Worker, machine
 from .tune import most_accurate
 
@@ -72,7 +72,8 @@ class Gauge:
         self.techniques = {f"{each['role']}/{each['name']}": each for each in listed["techniques"]}
         self.graphs = graphs_with(host)
         self.scenes = scenes()
-        self.options, self.log, self.stop = options, log, stop
+        self.host, self.options, self.log, self.stop = host, options, log, stop
+        self._features: dict[str, set[str]] = {}
         self.device: dict[str, Any] = {}
         self._references: dict[tuple, np.ndarray | None] = {}
 
@@ -84,6 +85,9 @@ class Gauge:
             return {"not_measured": f"no shipped graph of frames has a pass of role '{technique['role']}'"}
         refusals = []
         for scene in self.scenes:
+            if missing := sorted(set(technique["features"]) - self.features(scene)):
+                refusals.append(f"{scene} has no {', '.join(missing)}")
+                continue
             for graph, pass_name in passes:
                 found = self.measure_in(technique, graph, pass_name, scene)
                 if isinstance(found, dict):
@@ -92,6 +96,13 @@ class Gauge:
                 if found.startswith("refused: "):  # by whatever scene
                     passes = [each for each in passes if each != (graph, pass_name)]
         return {"not_measured": refusals[0]}
+
+    def features(self, scene: str) -> set[str]:
+        if scene not in self._features:
+            with self.host.scene() as loaded:
+                load_scene(loaded, scene)
+                self._features[scene] = set(loaded.describe()["features"])
+        return self._features[scene]
 
     def measure_in(self, technique: Mapping[str, Any], graph: str, pass_name: str, scene: str) -> dict[str, Any] | str:
         """A measurement, or why the pass does not run there."""

@@ -14,11 +14,13 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import difflib
 import json
 import math
 import os
 import pathlib
 import re
+import sys
 import time
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,6 +31,7 @@ import numpy as np
 from . import Error, Host, metrics, version
 from . import study as definition
 from .__main__ import load_scene, sort_files, write_file
+from .statistics import FEWEST_ROUNDS
 from .study import Point, Reference, SceneChoice, Study
 from .study_run import Contents, SceneRun, Store, machine, rows_of, timing_alone
 
@@ -79,7 +82,7 @@ class Guess:
         return tuple(setting for option in self.options for setting in option.settings)
 
     @property
-    def words_or_none(self) -> str:
+    def words(self) -> str:
         return " ".join(each.replace(".params.", ".") for each in self.settings) or "(as it is)"
 
 
@@ -110,8 +113,6 @@ def better_of(metric: str) -> str:
     if re.fullmatch(r"percentile_\d+(\.\d+)?", metric):
         return "lower"
     if metric not in known or metric == "percentile_P":
-        import difflib
-
         near = difflib.get_close_matches(metric, known, 1)
         raise Error(2, f"error: there is no metric '{metric}'\n  expected: one of {', '.join(known)}"
                        + (f"\n  help:     did you mean '{near[0]}'?" if near else ""))
@@ -194,9 +195,7 @@ class Bench:
     settings: tuple[str, ...]
     port: str
     metric: str
-    rounds: int
-    frames: int
-    settle: int
+    is_higher_better: bool
     store: Store
     contents: Contents
     folder: pathlib.Path
@@ -210,8 +209,8 @@ class Bench:
                 parts: int) -> dict[str, dict[str, Seen]]:
         """{view: {point: what was seen}} of points that have a time and an error."""
         study = Study(title, title, self.port, None, tuple(views), tuple(points),
-                      Reference(self.graph, (*self.settings, *truth), parts), (self.metric,), rounds=self.rounds,
-                      frames=self.frames, settle=self.settle, resolution=0.02, error_resolution=0.02,
+                      Reference(self.graph, (*self.settings, *truth), parts), (self.metric,), rounds=self.options.rounds,
+                      frames=self.options.frames, settle=self.options.settle, resolution=0.02, error_resolution=0.02,
                       budget_minutes=self.options.minutes, exposures=None, tone_mapper="aces", seed=0)
         found: dict[str, dict[str, Seen]] = {}
         for view in views:
@@ -367,63 +366,32 @@ def tune(arguments: argparse.Namespace, stop: Callable[[], None]) -> int:
     """Answers 0, or 1 if nothing keeps to the bound, or the choice misses it in a view that checks. raises: Error"""
     def say(text: str) -> None:
         if not arguments.quiet:
-            import sys
-
             print(text, file=sys.stderr, flush=True)
 
-    if (arguments.budget is None) == (arguments.error is None):
-        raise Error(2, "error: heddle tune needs one bound\n  expected: --budget 4ms, for the least error in that time, or --error "
-                       "flip=0.02, for the least time within that error")
-    bound = read_budget(arguments.budget) if arguments.budget is not None else read_error(arguments.error)
-    metric = arguments.metric or (bound.quantity if bound.quantity != "frame" else "flip")
-    if bound.quantity not in ("frame", metric):
-        raise Error(2, f"error: --metric {metric} and --error {arguments.error}\n  expected: one metric; --metric goes with --budget")
-    is_higher_better = better_of(metric) == "higher"
-    if arguments.rounds < 7:
-        raise Error(2, f"error: --rounds {arguments.rounds}\n  expected: at least 7")
+    bound, metric = read_bound(arguments)
     graph, scene_file = sort_files(arguments.files, None)
     graph = graph or "deferred"
     if scene_file is None:
         raise Error(2, "error: heddle tune needs a scene\n  help:     heddle tune deferred atrium.py --budget 40ms")
     folder = pathlib.Path(arguments.folder or pathlib.Path("out") / "tune")
-    output = pathlib.Path(arguments.output or folder / "tuned.toml")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         store = Store(folder)
     except OSError as error:
         raise Error(4, f"error: the folder '{folder}' cannot be made: {error.strerror}") from error
-    settings = tuple(arguments.set)
     with Host(arguments.device, log=lambda *_: None) as host:
         choosing, checking, said = views_of(host, scene_file, arguments, folder)
-        with host.graph(graph, list(settings)) as made:
+        with host.graph(graph, arguments.set) as made:
             described = made.describe()
-        port = arguments.port or described["output"]
-        if port not in [each["name"] for each in described["ports"] if each["type"] == "image"]:
-            raise Error(2, f"error: the graph has no image port '{port}'")
-        techniques = {(each["role"], each["name"]): each for each in host.list()["techniques"]}
-        roles = {each["name"]: each for each in host.list()["roles"]}
+        listed = host.list()
+    port = arguments.port or described["output"]
+    if port not in [each["name"] for each in described["ports"] if each["type"] == "image"]:
+        raise Error(2, f"error: the graph has no image port '{port}'")
     if said:
         say(said)
-    begun = time.monotonic()
-    bench = Bench(graph, settings, port, metric, arguments.rounds, arguments.frames, arguments.settle, store, Contents(), folder,
-                  arguments, say, stop, begun + 60 * arguments.minutes)
-    running = passes_that_run(bench, choosing[0])
-    names = [each["name"] for each in described["passes"]]
-    tuned = tuned_passes(arguments, described["passes"], running, techniques)
-    every: dict[str, list[Option]] = {}
-    truths: dict[str, tuple[str, ...]] = {}
-    for each in tuned:
-        own = [technique for (role, _), technique in sorted(techniques.items()) if role == each["role"]]
-        here = techniques[each["role"], each["technique"]]
-        every[each["name"]] = options_of(each["name"], here, each["parameters"], False)
-        truths[each["name"]] = most_accurate(each["name"], here, False)
-        if arguments.techniques:
-            for other in own:
-                if other is not here:
-                    every[each["name"]] += options_of(each["name"], other, each["parameters"], True)
-            stated = (roles[each["role"]].get("references") or {}).get("same_model") or {}
-            if reference := techniques.get((each["role"], stated.get("technique", "").split("/")[-1])):
-                truths[each["name"]] = most_accurate(each["name"], reference, reference is not here)
+    bench = Bench(graph, tuple(arguments.set), port, metric, better_of(metric) == "higher", store, Contents(), folder, arguments, say,
+                  stop, time.monotonic() + 60 * arguments.minutes)
+    every, truths = what_is_tuned(arguments, described["passes"], passes_that_run(bench, choosing[0]), listed)
     say(f"{sum(map(len, every.values()))} settings of {', '.join(every)}, chosen in {names_of(choosing)}, checked in "
         f"{names_of(checking)}; {metric} of {port}; {bound}")
     if arguments.dry_run:
@@ -431,76 +399,30 @@ def tune(arguments: argparse.Namespace, stop: Callable[[], None]) -> int:
             for option in options:
                 print(option.words or "(as it is)")
         return 0
-
-    # Each pass alone.
-    base_ms, alone = 0.0, []
-    for name, options in every.items():
-        points = [Point(name, graph, (*settings, *option.settings), (("", i),) if i else ()) for i, option in enumerate(options)]
-        seen = bench.measure(f"tune {name}", choosing, points, (*truths[name], *arguments.reference_set), arguments.parts)
-        own = []
-        first = worst(seen, points[0].name, is_higher_better)
-        if first is None:
-            raise Error(4, f"error: the graph as it is could not be measured; what was said is in {folder / 'workers.log'}")
-        base_ms = base_ms or first.ms
-        for option, point in zip(options, points):
-            found = worst(seen, point.name, is_higher_better)
-            if found is None:
-                say(f"left out, as it could not be measured: {option.words}")
-            else:
-                own.append((option, found.ms - first.ms, as_error(found.error, metric)))
-        alone.append(own)
-        print_options(name, options, points, seen, metric, is_higher_better)
-
-    # Together.
-    tried: dict[str, tuple[Guess, Seen]] = {}
+    base_ms, alone = measure_alone(bench, choosing, every, truths)
     truth = (*(setting for each in truths.values() for setting in each), *arguments.reference_set)
-    slow, wrong, chosen = 1.0, 1.0, None
-    for trial in range(TRIALS):
-        guesses = combine(base_ms, alone)
-        limit = as_error(bound.value, metric)
-        fresh = [each for each in around(
-            [each for each in guesses if " ".join(each.settings) not in tried],
-            lambda each: each.ms * slow <= bound.value if bound.quantity == "frame" else each.error * wrong <= limit,
-            bound.quantity == "frame", TRIED)]
-        if not fresh:
-            break
-        points = [Point("as it is", graph, settings, ())]
-        points += [Point("together", graph, (*settings, *each.settings), (("", 100 * trial + i),)) for i, each in enumerate(fresh)]
-        seen = bench.measure("tune together", choosing, points, truth, arguments.parts)
-        as_it_is = worst(seen, points[0].name, is_higher_better)
-        new = {" ".join(each.settings): (each, found) for each, point in zip(fresh, points[1:])
-               if (found := worst(seen, point.name, is_higher_better)) is not None}
-        tried |= new
-        chosen = choose({name: found for name, (_, found) in tried.items()}, bound, is_higher_better)
-        if chosen is not None or not new:
-            break
-        # The guess was too good: by how much.
-        slow = float(np.median([found.ms / guess.ms for guess, found in tried.values()]))
-        ratios = [as_error(found.error, metric) / guess.error for guess, found in tried.values() if guess.error > 0]
-        wrong = float(np.median(ratios)) if ratios else 1.0
+    tried, chosen, as_it_is = measure_together(bench, choosing, bound, base_ms, alone, truth)
     print_together(tried, chosen, as_it_is, metric)
     if chosen is None:
-        best = min(tried.values(), key=lambda each: each[1].ms if bound.quantity == "frame" else as_error(each[1].error, metric))
-        print(f"\nNothing that was measured keeps to {bound}. The nearest: {best[0].words_or_none} with "
-              f"{best[1].ms:.4g} ms ({best[1].ms_low:.4g} to {best[1].ms_high:.4g}) and {metric} {best[1].error:.4g}. "
-              "No overlay was written.")
+        print_nearest(tried, bound, metric)
         return 1
     guess, found = tried[chosen]
 
-    # Elsewhere.
-    points = [Point("as it is", graph, settings, ()), Point("tuned", graph, (*settings, *guess.settings), ())]
+    points = [Point("as it is", graph, bench.settings, ()), Point("tuned", graph, (*bench.settings, *guess.settings), ())]
     elsewhere = bench.measure("tune check", checking, points, truth, arguments.parts)
     lines, misses = check_lines(elsewhere, bound, metric)
+    output = pathlib.Path(arguments.output or folder / "tuned.toml")
     comments = [
-        f"Written by heddle tune: {'the least ' + metric + ' error' if bound.quantity == 'frame' else 'the least time'} that was "
-        f"measured with {bound}.", f"Measured: heddle {version()}, {bench_device(bench)}; {machine()['processor'] or 'processor'} x "
-        f"{machine()['processors']}; frames from submission to fence,", f"medians of {arguments.rounds} rounds with 95 % intervals; "
-        f"{metric} of {port} against {' '.join(truth) or 'the graph itself'}.",
-        f"Chosen in {names_of(choosing)}: {spell(found, metric)}; as it was: "
-        f"{spell(as_it_is, metric) if as_it_is is not None else 'not measured'}.", *(f"Checked in {line}" for line in lines)]
-    text = overlay(extends_of(graph, output), [*settings, *guess.settings], names, comments)
-    write_checked(host_device=arguments.device, output=output, text=text)
-    print(f"\nChosen: {guess.words_or_none}\n  in {names_of(choosing)}: {spell(found, metric)}")
+        f"Written by heddle tune: of what was measured with {bound}, the least "
+        f"{metric if bound.quantity == 'frame' else 'time'}.",
+        f"heddle {version()}; {bench.device.get('name', 'device')} ({bench.device.get('driver_version', 'driver unknown')}); "
+        f"{machine()['processor'] or 'processor'} x {machine()['processors']}",
+        f"Frames from submission to fence: medians of {arguments.rounds} rounds, with 95 % intervals. {metric} of {port} against "
+        f"{' '.join(truth) or 'the graph itself'}", f"Chosen in {names_of(choosing)}: {spell(found, metric)}"
+        + (f"; as it was: {spell(as_it_is, metric)}" if as_it_is is not None else ""), *(f"Checked in {line}" for line in lines)]
+    write_checked(arguments.device, output, overlay(
+        extends_of(graph, output), [*bench.settings, *guess.settings], [each["name"] for each in described["passes"]], comments))
+    print(f"\nChosen: {guess.words}\n  in {names_of(choosing)}: {spell(found, metric)}")
     for line in lines:
         print(f"  in {line}")
     report = {"bound": str(bound), "chosen": list(guess.settings), "seen": dataclasses.asdict(found), "misses": misses,
@@ -512,11 +434,104 @@ def tune(arguments: argparse.Namespace, stop: Callable[[], None]) -> int:
     return 1 if misses else 0
 
 
+def read_bound(arguments: argparse.Namespace) -> tuple[Bound, str]:
+    """(what the choice keeps to, the metric of errors)."""
+    if (arguments.budget is None) == (arguments.error is None):
+        raise Error(2, "error: heddle tune needs one bound\n  expected: --budget 4ms, for the least error in that time, or --error "
+                       "flip=0.02, for the least time within that error")
+    bound = read_budget(arguments.budget) if arguments.budget is not None else read_error(arguments.error)
+    metric = arguments.metric or (bound.quantity if bound.quantity != "frame" else "flip")
+    if bound.quantity not in ("frame", metric):
+        raise Error(2, f"error: --metric {metric} and --error {arguments.error}\n  expected: one metric; --metric goes with --budget")
+    better_of(metric)
+    if arguments.rounds < FEWEST_ROUNDS:
+        raise Error(2, f"error: --rounds {arguments.rounds}\n  expected: at least {FEWEST_ROUNDS}")
+    return bound, metric
+
+
+def what_is_tuned(arguments: argparse.Namespace, passes: Sequence[Mapping[str, Any]], running: set[str],
+                  listed: Mapping[str, Any]) -> tuple[dict[str, list[Option]], dict[str, tuple[str, ...]]]:
+    """({pass: its options}, {pass: what is true of it})."""
+    techniques = {(each["role"], each["name"]): each for each in listed["techniques"]}
+    roles = {each["name"]: each for each in listed["roles"]}
+    every: dict[str, list[Option]] = {}
+    truths: dict[str, tuple[str, ...]] = {}
+    for each in tuned_passes(arguments, passes, running, techniques):
+        name, here = each["name"], techniques[each["role"], each["technique"]]
+        every[name] = options_of(name, here, each["parameters"], False)
+        truths[name] = most_accurate(name, here, False)
+        if arguments.techniques:
+            for (role, _), other in sorted(techniques.items()):
+                if role == each["role"] and other is not here:
+                    every[name] += options_of(name, other, each["parameters"], True)
+            stated = (roles[each["role"]].get("references") or {}).get("same_model") or {}
+            if reference := techniques.get((each["role"], stated.get("technique", "").split("/")[-1])):
+                truths[name] = most_accurate(name, reference, reference is not here)
+    return every, truths
+
+
+def measure_alone(bench: Bench, views: Sequence[SceneChoice], every: Mapping[str, Sequence[Option]],
+                  truths: Mapping[str, tuple[str, ...]]) -> tuple[float, list[list[tuple[Option, float, float]]]]:
+    """(milliseconds of the graph as it is, of each pass (option, milliseconds beside that, error))."""
+    base_ms, alone = 0.0, []
+    for name, options in every.items():
+        points = [Point(name, bench.graph, (*bench.settings, *option.settings), (("", i),) if i else ())
+                  for i, option in enumerate(options)]
+        seen = bench.measure(f"tune {name}", views, points, (*truths[name], *bench.options.reference_set), bench.options.parts)
+        first = worst(seen, points[0].name, bench.is_higher_better)
+        if first is None:
+            raise Error(4, f"error: the graph as it is could not be measured; what was said is in {bench.folder / 'workers.log'}")
+        base_ms = base_ms or first.ms
+        own = []
+        print(f"\n{name} alone: frame, and {bench.metric} against its most accurate; of {len(views)} views the worst")
+        for option, point in zip(options, points):
+            found = worst(seen, point.name, bench.is_higher_better)
+            print(f"  {option.words or '(as it is)':<64} " + (spell(found, bench.metric) if found else "lost"))
+            if found is not None:
+                own.append((option, found.ms - first.ms, as_error(found.error, bench.metric)))
+        alone.append(own)
+    return base_ms, alone
+
+
+def measure_together(bench: Bench, views: Sequence[SceneChoice], bound: Bound, base_ms: float,
+                     alone: Sequence[Sequence[tuple[Option, float, float]]], truth: Sequence[str]) -> tuple[
+                         dict[str, tuple[Guess, Seen]], str | None, Seen | None]:
+    """(what was measured by its settings, which is chosen, the graph as it is)."""
+    tried: dict[str, tuple[Guess, Seen]] = {}
+    slow, wrong, as_it_is = 1.0, 1.0, None
+    limit = as_error(bound.value, bench.metric)
+    for trial in range(TRIALS):
+        def is_within(guess: Guess, slow: float = slow, wrong: float = wrong) -> bool:
+            return guess.ms * slow <= bound.value if bound.quantity == "frame" else guess.error * wrong <= limit
+
+        fresh = [each for each in combine(base_ms, alone) if each.words not in tried]
+        fresh = around(fresh, is_within, bound.quantity == "frame", TRIED)
+        # Where even the guess keeps to no bound, what is nearest to it is measured once, to be told.
+        if not fresh or (trial > 0 and not any(map(is_within, fresh))):
+            break
+        points = [Point("as it is", bench.graph, bench.settings, ())]
+        points += [Point("together", bench.graph, (*bench.settings, *each.settings), (("", 100 * trial + i),))
+                   for i, each in enumerate(fresh)]
+        seen = bench.measure("tune together", views, points, truth, bench.options.parts)
+        as_it_is = worst(seen, points[0].name, bench.is_higher_better)
+        new = {each.words: (each, found) for each, point in zip(fresh, points[1:])
+               if (found := worst(seen, point.name, bench.is_higher_better)) is not None}
+        tried |= new
+        chosen = choose({name: found for name, (_, found) in tried.items()}, bound, bench.is_higher_better)
+        if chosen is not None or not new:
+            return tried, chosen, as_it_is
+        # The guess was too good: by how much.
+        slow = float(np.median([found.ms / guess.ms for guess, found in tried.values()]))
+        ratios = [as_error(found.error, bench.metric) / guess.error for guess, found in tried.values() if guess.error > 0]
+        wrong = float(np.median(ratios)) if ratios else 1.0
+    return tried, None, as_it_is
+
+
 def passes_that_run(bench: Bench, view: SceneChoice) -> set[str]:
     """Names of passes that a frame of this view is made of."""
     base = Point("as it is", bench.graph, bench.settings, ())
-    study = Study("tune", "tune", bench.port, None, (view,), (base,), None, (bench.metric,), bench.rounds, bench.frames, bench.settle,
-                  0.02, 0.02, bench.options.minutes, None, "aces", 0)
+    study = Study("tune", "tune", bench.port, None, (view,), (base,), None, (bench.metric,), bench.options.rounds,
+                  bench.options.frames, bench.options.settle, 0.02, 0.02, bench.options.minutes, None, "aces", 0)
     run = SceneRun(study, view, bench.store, bench.options, bench.folder, bench.contents, bench.say, bench.stop, bench.deadline)
     try:
         run.load_points()
@@ -571,27 +586,25 @@ def spell(seen: Seen, metric: str) -> str:
             f"{seen.error_high:.4g})")
 
 
-def print_options(name: str, options: Sequence[Option], points: Sequence[Point], seen: Mapping[str, Mapping[str, Seen]],
-                  metric: str, is_higher_better: bool) -> None:
-    print(f"\n{name} alone: frame and {metric} against its most accurate, the worst of {len(seen)} view"
-          + ("s" if len(seen) > 1 else ""))
-    for option, point in zip(options, points):
-        found = worst(seen, point.name, is_higher_better)
-        print(f"  {option.words or '(as it is)':<64} " + (spell(found, metric) if found else "lost"))
-
-
 def print_together(tried: Mapping[str, tuple[Guess, Seen]], chosen: str | None, as_it_is: Seen | None, metric: str) -> None:
     print("\nAll passes together (guessed -> measured):")
     if as_it_is is not None:
         print(f"    {'(as it is)':<20} {spell(as_it_is, metric)}")
     for name, (guess, found) in sorted(tried.items(), key=lambda each: each[1][1].ms):
-        print(f"  {'*' if name == chosen else ' '} {guess.words_or_none}\n    {guess.ms:.4g} ms, {guess.error:.3g} -> "
+        print(f"  {'*' if name == chosen else ' '} {guess.words}\n    {guess.ms:.4g} ms, {guess.error:.3g} -> "
               f"{spell(found, metric)}")
     if tried:
         off = [abs(math.log(found.ms / guess.ms)) for guess, found in tried.values() if guess.ms > 0]
         if off:
             print(f"  guessed times were off by {100 * math.expm1(float(np.median(off))):.0f} % in the median, "
                   f"{100 * math.expm1(max(off)):.0f} % at most")
+
+
+def print_nearest(tried: Mapping[str, tuple[Guess, Seen]], bound: Bound, metric: str) -> None:
+    print(f"\nNothing that was measured keeps to {bound} with its whole interval. No overlay was written.")
+    if tried:
+        guess, found = min(tried.values(), key=lambda each: each[1].ms if bound.quantity == "frame" else as_error(each[1].error, metric))
+        print(f"The nearest: {guess.words} with {spell(found, metric)}")
 
 
 def check_lines(elsewhere: Mapping[str, Mapping[str, Seen]], bound: Bound, metric: str) -> tuple[list[str], list[str]]:
@@ -618,16 +631,12 @@ def check_lines(elsewhere: Mapping[str, Mapping[str, Seen]], bound: Bound, metri
     return lines, misses
 
 
-def bench_device(bench: Bench) -> str:
-    return f"{bench.device.get('name', 'device')} ({bench.device.get('driver_version', 'driver unknown')})"
-
-
-def write_checked(host_device: str | None, output: pathlib.Path, text: str) -> None:
+def write_checked(device: str | None, output: pathlib.Path, text: str) -> None:
     """The overlay, whole or not there, and only if the host takes it."""
     partial = output.with_name(f".{output.name}.{os.getpid()}.toml")  # beside it: its path to what it extends is relative
     write_file(str(partial), text)
     try:
-        with Host(host_device, log=lambda *_: None) as host, host.graph(str(partial)):
+        with Host(device, log=lambda *_: None) as host, host.graph(str(partial)):
             pass
         partial.replace(output)
     finally:

@@ -147,8 +147,13 @@ def test_a_technique_is_measured_where_it_runs_and_twice_alike(tmp_path):
     assert gauge.device["driver"]
 
 
-def test_a_pass_without_its_feature_is_measured_in_a_scene_that_has_it(tmp_path):
+def test_a_pass_that_needs_a_feature_is_measured_in_a_scene_that_has_it(tmp_path, monkeypatch):
+    tried = []
+    monkeypatch.setattr(baseline.Gauge, "measure_in", lambda self, technique, graph, pass_name, scene: tried.append(
+        (graph, scene)) or {"scene": scene})
     with heddle.Host(log=lambda *_: None) as host:
         gauge = baseline.Gauge(host, options(tmp_path, "check"), tmp_path / "log", lambda: None)
-        found = gauge.measure("subdivision/catmull_clark")
-    assert found["scene"] == "subdivision.py"
+        assert gauge.measure("subdivision/catmull_clark") == {"scene": "subdivision.py"}
+        assert tried == [("deferred", "subdivision.py")]
+        gauge.scenes = ["cornell_box.py"]
+        assert gauge.measure("subdivision/catmull_clark") == {"not_measured": "cornell_box.py has no subdivision.surface"}

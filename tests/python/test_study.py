@@ -20,7 +20,7 @@ from heddle import study as definition
 from heddle import study_run
 
 SMALL = """\
-title = "Small"
+leave_one_out = []
 role = "ambient_occlusion"
 graph = "studio"
 set = ["extent=[32,18]"]
