@@ -275,6 +275,7 @@ class SceneRun:
         self.state: dict[str, tuple[str, str]] = {point.name: ("ok", "") for point in study.points}
         self.keys: dict[str, str] = {}  # what a point's images depend on
         self.pixels: dict[str, int] = {}  # of a point's frame
+        self.passes: dict[str, int] = {}  # how many a point's graph has
         self.standing: dict[str, dict] = {}  # all parameters of the study's pass, as a point has them
         self.scene_files: list[str] = []
         self.devices: list[dict] = []
@@ -326,6 +327,7 @@ class SceneRun:
         files = worker.ask("load", point=point.name, graph=point.graph, settings=list(point.settings), keep=self.study.port)
         self.keys[point.name] = self.key_of(point.graph, point.settings, files["files"])
         self.pixels[point.name] = files["extent"][0] * files["extent"][1]
+        self.passes[point.name] = len(files["parameters"])
         self.standing[point.name] = files["parameters"].get(self.study.pass_name, {})
 
     def key_of(self, graph: str, settings: Sequence[str], files: Sequence[str]) -> str:
@@ -393,7 +395,7 @@ class SceneRun:
                 seconds += (PROFILED_FRAMES + 1) * frame[point.name]
             if self.study.reference is not None and self.store.get(self.images_key(point)) is None:
                 seconds += SEEDS * self.study.settle * frame[point.name]
-        return seconds
+        return seconds + more_seconds(self)
 
     def check_budget(self, rest: float) -> None:
         """Before anything is timed: a study that would take longer than it may says so now."""
@@ -840,6 +842,13 @@ def measure_more(run: SceneRun) -> dict[str, list[dict]]:
 
     return {"leave_one_out": leave_one_out.measure(run), "cost_models": cost_model.measure(run),
             "dominated": domination.measure(run)}
+
+
+def more_seconds(run: SceneRun) -> float:
+    """What measure_more() will take."""
+    from . import cost_model, leave_one_out
+
+    return leave_one_out.estimate_seconds(run) + cost_model.estimate_seconds(run)
 
 
 def gate(rows: list[dict]) -> int:
