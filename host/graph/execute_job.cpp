@@ -354,7 +354,7 @@ void Executor::State::place_lasting() {
 void Executor::State::keep_lasting(std::uint32_t index) {
   const PassIndex p = order.stages[index].pass;
   const Pass& pass = graph.passes[p];
-  if (!graph.is_job || !is_last_iteration || !makes_what_lasts(*pass.entry.technique)) return;
+  if (!graph.is_job || !is_last_iteration || passes[p]->again || !makes_what_lasts(*pass.entry.technique)) return;
   for (std::uint32_t s = index + 1; s < order.stages.size(); ++s)
     if (order.stages[s].pass == p) return;
   ArtifactViews parts;

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The interpolated `surface` and the textures of its material -> what is at this point. For shaders of kind
-// HEDDLE_SHADER_SURFACES, after pass.glsl: it reads `surface`, `materials` and the five texture arrays.
+// HEDDLE_SHADER_SURFACES that call texture_source, after pass.glsl: it reads `surface`, `materials` and the five texture
+// arrays.
 // Source  Khronos 2021, "glTF 2.0 Specification", sections 3.9 and 3.7.2; KHR_texture_transform; Mikkelsen 2008,
 //         "Simulation of Wrinkled Surfaces Revisited" (tangent frames: neither vector is normalized before the sum)
 #ifndef HEDDLE_SHARED_SURFACE_SAMPLE_GLSL
 #define HEDDLE_SHARED_SURFACE_SAMPLE_GLSL
+#include "role/texture_source.glsl"
 #include "surface_point.glsl"
 #include "view.glsl"
 
@@ -41,13 +43,19 @@ vec4 sample_material(sampler2DArray textures, HeddleMaterial material, SurfaceFo
                      m * (uses_uv1 ? footprint.uv1_dy : footprint.uv0_dy));
 }
 
+// Role texture_source has the last word on the colour, not on alpha: depth-only drawings test that without it.
 vec4 surface_base_color(HeddleMaterial material, SurfaceFootprint footprint) {
-  vec4 color = material.base_color * surface.color;
+  vec4 texel = vec4(1.0);
   uint layer = material.texture_layer[HEDDLE_TEXTURE_BASE_COLOR];
   if (layer != HEDDLE_NO_TEXTURE)
-    color *= sample_material(texture_base_color, material, footprint, HEDDLE_TEXTURE_BASE_COLOR, layer,
-                             material.uv_rotation_scale, material.uv_offset);
-  return color;
+    texel = sample_material(texture_base_color, material, footprint, HEDDLE_TEXTURE_BASE_COLOR, layer,
+                            material.uv_rotation_scale, material.uv_offset);
+  bool uses_uv1 = (material.texture_uv_sets & (1u << HEDDLE_TEXTURE_BASE_COLOR)) != 0u;
+  mat2 m = mat2(material.uv_rotation_scale.xy, material.uv_rotation_scale.zw);
+  texel.rgb = texture_source(material.id, m * (uses_uv1 ? surface.uv1 : surface.uv0) + material.uv_offset,
+                             m * (uses_uv1 ? footprint.uv1_dx : footprint.uv0_dx),
+                             m * (uses_uv1 ? footprint.uv1_dy : footprint.uv0_dy), gl_FragCoord.xy, texel.rgb);
+  return material.base_color * surface.color * texel;
 }
 
 // True where an alpha-masked material has a hole: discard there.

@@ -274,6 +274,9 @@ class SceneRun:
         self.workers: dict[str, Worker] = {}  # by variant, AGAIN for the first variant's double
         self.state: dict[str, tuple[str, str]] = {point.name: ("ok", "") for point in study.points}
         self.keys: dict[str, str] = {}  # what a point's images depend on
+        self.pixels: dict[str, int] = {}  # of a point's frame
+        self.passes: dict[str, int] = {}  # how many a point's graph has
+        self.standing: dict[str, dict] = {}  # all parameters of the study's pass, as a point has them
         self.scene_files: list[str] = []
         self.devices: list[dict] = []
         self.warm: dict[str, dict] = {}
@@ -299,7 +302,7 @@ class SceneRun:
         """A worker with the scene, under a variant's name."""
         worker = Worker(self.folder / "workers.log", self.options.timeout, self.stop)
         scene = {"file": self.scene.file, "camera": self.scene.camera, "time": self.scene.time,
-                 "overlays": list(self.scene.overlays)}
+                 "overlays": list(self.scene.overlays), "arguments": list(self.scene.arguments)}
         try:
             opened = worker.ask("open", scene=scene, device=self.options.device)
             self.scene_files, self.devices = opened["files"], opened["devices"]
@@ -323,10 +326,13 @@ class SceneRun:
         worker = self.workers[owner] if owner in self.workers else self.start(owner)
         files = worker.ask("load", point=point.name, graph=point.graph, settings=list(point.settings), keep=self.study.port)
         self.keys[point.name] = self.key_of(point.graph, point.settings, files["files"])
+        self.pixels[point.name] = files["extent"][0] * files["extent"][1]
+        self.passes[point.name] = len(files["parameters"])
+        self.standing[point.name] = files["parameters"].get(self.study.pass_name, {})
 
     def key_of(self, graph: str, settings: Sequence[str], files: Sequence[str]) -> str:
         return digest("image", self.contents.of([str(find()), *files, *self.scene_files]), settings, self.scene.camera,
-                      self.scene.time, self.study.port, self.study.settle, self.options.device,
+                      self.scene.time, self.scene.arguments, self.study.port, self.study.settle, self.options.device,
                       os.environ.get("HEDDLE_DEVICE"), self.devices)
 
     def guard(self, point: Point, work: Callable[[], Any]) -> Any:
@@ -389,7 +395,7 @@ class SceneRun:
                 seconds += (PROFILED_FRAMES + 1) * frame[point.name]
             if self.study.reference is not None and self.store.get(self.images_key(point)) is None:
                 seconds += SEEDS * self.study.settle * frame[point.name]
-        return seconds
+        return seconds + more_seconds(self)
 
     def check_budget(self, rest: float) -> None:
         """Before anything is timed: a study that would take longer than it may says so now."""
@@ -573,7 +579,7 @@ def duration(seconds: float) -> str:
 
 COLUMNS = ["study", "scene", "variant", "knobs", "state", "quantity", "unit", "value", "low", "high", "confidence", "samples",
            "against", "verdict", "difference", "difference_low", "difference_high", "floor", "smallest_seen", "is_on_front",
-           "formula", "note"]
+           "formula", "note", "dominated_by"]
 
 
 def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
@@ -707,6 +713,13 @@ def mark_front(rows: list[dict], metric: str) -> None:
             errors[key]["is_on_front"] = not beaten
 
 
+def mark_dominated(rows: list[dict], found: list[dict], metric: str) -> None:
+    by = {(each["scene"], each["variant"], each["knobs"]): each["by"] for each in found}
+    for row in rows:
+        if row["quantity"] == metric and (row["scene"], row["variant"], row["knobs"]) in by:
+            row["dominated_by"] = by[row["scene"], row["variant"], row["knobs"]]
+
+
 def write_table(folder: pathlib.Path, rows: list[dict], report: dict) -> None:
     text = io.StringIO()
     table = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
@@ -746,20 +759,23 @@ def run_study(options: argparse.Namespace, stop: Callable[[], None]) -> int:
 
 
 def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
+    # They build on this module, and import it.
+    from . import cost_model, domination, leave_one_out, study_chart
+
     def say(text: str) -> None:
         if not options.quiet:
             print(text, file=sys.stderr, flush=True)
 
     with Host(options.device, log=lambda *_: None) as host:
         if options.role is not None:
-            if not options.files:
+            if not options.files and not options.scene:
                 raise Error(2, "error: --role needs a scene\n  help:     heddle study --role ambient_occlusion atrium.py")
-            study = definition.of_role(host, options.role, options.files, options.set)
+            study = definition.of_role(host, options.role, [*options.files, *options.scene], options.set, options.climb)
         elif len(options.files) != 1 or options.set:
             raise Error(2, "error: heddle study takes one study file, or --role ROLE with scenes\n  found:    "
                            f"{len(options.files)} files" + (" and --set" if options.set else ""))
         else:
-            study = definition.read(host, options.files[0])
+            study = definition.read(host, options.files[0], options.scene)
     if options.rounds is not None and options.rounds < s.FEWEST_ROUNDS:
         raise Error(2, f"error: --rounds {options.rounds}\n  expected: at least {s.FEWEST_ROUNDS}: fewer decide nothing")
     study = definition.dataclasses.replace(study, **{key: value for key, value in (
@@ -779,6 +795,7 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
                              "  help:     --folder says where they go") from error
     rows: list[dict] = []
     restless: dict[str, list[str]] = {}
+    more: dict[str, list[dict]] = {}
     begun = time.monotonic()
     for number, scene in enumerate(study.scenes):
         run = SceneRun(study, scene, store, options, folder, contents, say, stop, begun + 60 * study.budget_minutes)
@@ -792,22 +809,46 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
             with timing_alone(say, stop):
                 run.measure_times()
                 run.measure_passes()
+                found = measure_more(run)
         finally:
             run.close()
         own, restless[scene.name] = rows_of(run)
-        rows += own
+        rows += own + leave_one_out.table_rows(study.name, found["leave_one_out"])
         mark_front(rows, study.metrics[0])
+        mark_dominated(rows, found["dominated"], study.metrics[0])
+        for key, each in found.items():
+            more.setdefault(key, []).extend(each)
         report = {"study": definition.dataclasses.asdict(study), "heddle": version(), "machine": machine(),
-                  "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER}
+                  "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER} | more
         write_table(folder, finite(rows), report)
-    from . import study_chart
-
     chart = study_chart.draw(study, rows, folder)
     print_summary(study, rows, restless)
+    domination.print_list(more["dominated"], study.metrics[0])
+    leave_one_out.print_table(more["leave_one_out"])
+    cost_model.print_models(more["cost_models"])
     for name in ("results.csv", "results.json"):
         say(f"wrote {folder / name}")
-    say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
+    over = study_chart.draw_over_scenes(study, rows, folder)
+    if over:
+        say(f"wrote {over}")
+    if chart or not over:
+        say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
     return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
+
+
+def measure_more(run: SceneRun) -> dict[str, list[dict]]:
+    """What results.json has beside its rows, each key with a list that the study's scenes add to."""
+    from . import cost_model, domination, leave_one_out
+
+    return {"leave_one_out": leave_one_out.measure(run), "cost_models": cost_model.measure(run),
+            "dominated": domination.measure(run)}
+
+
+def more_seconds(run: SceneRun) -> float:
+    """What measure_more() will take."""
+    from . import cost_model, leave_one_out
+
+    return leave_one_out.estimate_seconds(run) + cost_model.estimate_seconds(run)
 
 
 def gate(rows: list[dict]) -> int:

@@ -34,7 +34,7 @@ class Worker:
         self.host = Host(device, log=lambda severity, text: print(text, file=sys.stderr) if severity < 2 else None)
         self.scene = self.host.scene()
         self.time = scene["time"]
-        self.update = load_scene(self.scene, scene["file"])
+        self.update = load_scene(self.scene, scene["file"], arguments=dict(scene.get("arguments", [])))
         for overlay in scene["overlays"]:
             self.scene.load(overlay)
         cameras = self.scene.describe().get("cameras", [])
@@ -47,12 +47,24 @@ class Worker:
         files = own | {*scene["overlays"], *self.scene.files(), *imported_files(scene["file"])}
         return {"files": sorted(files), "devices": self.host.devices()}
 
-    def load(self, point: str, graph: str, settings: list[str], keep: str) -> dict:
-        """A graph with its settings, under the name of a point. Plans nothing yet. Answers with its files."""
+    def load(self, point: str, graph: str, settings: list[str], keep: str | None) -> dict:
+        """A graph with its settings, under the name of a point, and the port that will be read. Plans nothing yet. Answers with
+        its files, extent and parameters."""
         assert self.host is not None
         made = self.graphs[point] = self.host.graph(graph, settings)
-        made.keep(keep)
-        return {"files": made.files()}
+        if keep is not None:
+            made.keep(keep)
+        described = made.describe()
+        return {"files": made.files(), "extent": described["extent"],
+                "parameters": {each["name"]: each.get("parameters", {}) for each in described["passes"]}}
+
+    def passes(self, point: str) -> dict:
+        """What became of each pass in a frame: [{"name", "role", "technique", "is_pruned", "reason"}]."""
+        graph = self.graphs[point]
+        graph.render(self._scene(), time=self.time, anew=True)
+        known = ("name", "role", "technique", "is_pruned", "reason")
+        return {"passes": [{key: each[key] for key in known} for each in json.loads(graph.explain("json"))["passes"]],
+                "output": graph.describe()["output"]}
 
     def render(self, point: str, frames: int, seed: int = 0, cut: bool = False) -> dict:
         """Frames that measure nothing but themselves: milliseconds from submission to fence of each."""
@@ -74,7 +86,13 @@ class Worker:
                 passes.setdefault(name, []).append(ms)
         graph.render(self._scene(), time=self.time, anew=True)
         stats = graph.stats()
-        return {"passes": passes, "memory": stats["memory"], "counters": stats["counters"], "device": stats["device"]}
+        return {"passes": passes, "memory": stats["memory"], "counters": stats["counters"], "device": stats["device"],
+                "counts": stats["counts"], "instances": stats["instances"]}
+
+    def ports(self, point: str, of: str) -> dict:
+        """Images that a pass makes."""
+        ports = self.graphs[point].describe()["ports"]
+        return {"images": [each["name"] for each in ports if each["type"] == "image" and each["name"].startswith(f"{of}.")]}
 
     def read(self, point: str, port: str, file: str) -> dict:
         """Writes a port of the last frame as an array of numpy, whole or not at all."""

@@ -23,6 +23,9 @@ constexpr const char* kCountJob =
 constexpr const char* kGpuJob =
     "kind = \"job\"\n[[pass]]\nname = \"sums\"\nrole = \"job_probe\"\ntechnique = \"gpu\"\n";
 
+constexpr const char* kPairJob =
+    "kind = \"job\"\n[[pass]]\nname = \"pair\"\nrole = \"job_probe\"\ntechnique = \"pair\"\n";
+
 class Host : public CachedHost {
  public:
   using CachedHost::CachedHost;
@@ -272,8 +275,10 @@ TEST_F(Jobs, AreKeptByTheTexturesOfLightsThatTheyLookAt) {
 }
 
 TEST_F(Jobs, StopBetweenSlicesAndGoOnInAnotherProcess) {
-  for (const auto& [job, expected] : {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
-                                      std::pair(kGpuJob, std::vector<double>(8, 15.0))}) {
+  std::size_t jobs_done = 0;
+  for (const auto& [job, expected] :
+       {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
+        std::pair(kGpuJob, std::vector<double>(8, 15.0)), std::pair(kPairJob, std::vector<double>(8, 15.0))}) {
     // Cancelled in each slice, by another host each time.
     const std::ptrdiff_t count = job == kCountJob ? 4 : 5;
     for (std::ptrdiff_t slice = 0; slice + 1 < count; ++slice) {
@@ -295,7 +300,29 @@ TEST_F(Jobs, StopBetweenSlicesAndGoOnInAnotherProcess) {
     if (job == kCountJob) {
       EXPECT_EQ(result["reports"][0]["rows"].size(), 4U) << "rows of all runs, none twice";
     }
-    EXPECT_EQ(files().size(), job == kCountJob ? 1U : 2U) << "what was unfinished is gone";
+    EXPECT_EQ(files().size(), ++jobs_done) << "what was unfinished is gone";
+  }
+}
+
+TEST_F(Jobs, DoSlicesOfSeveralStagesTogether) {
+  Host host(cache_);
+  ASSERT_EQ(host.parse(kPairJob, "job.toml", folder_), HEDDLE_OK);
+  host.run();
+  // Added to what was cleared in the same slice: 1 + 2 + ... + 5, and not 1 + 3 + 6 + 10 + 15.
+  EXPECT_EQ(host.table(), std::vector<double>(8, 15.0));
+  EXPECT_EQ(host.slices(), 5);
+  ASSERT_EQ(host.parse(kPairJob, "job.toml", folder_, {"pair.params.first=add"}), HEDDLE_OK);
+  host.run();
+  EXPECT_EQ(host.table(), std::vector<double>(8, 35.0)) << "what is only cleared before keeps what it holds";
+  for (const char* first : {"keep", "nonsense"}) {
+    ASSERT_EQ(host.parse(kPairJob, "job.toml", folder_, {std::string("pair.params.first=") + first}), HEDDLE_OK);
+    EXPECT_EQ(host.try_run(), HEDDLE_BUG);
+    EXPECT_EQ(host.error(),
+              std::string("job.toml:2:1: error: pass 'pair' (job_probe/pair): begins a slice of stage "
+                          "'keep' with '") +
+                  first +
+                  "', which is no earlier stage of it\n  help:     this is a mistake of the technique, not "
+                  "of the graph");
   }
 }
 
@@ -315,8 +342,9 @@ TEST_F(Jobs, ThatCannotGoOnStopWhereTheyAskAndLeaveNothing) {
 }
 
 TEST_F(Jobs, ThatAreKilledLeaveNothingHalfAndGoOn) {
-  for (const auto& [job, expected] : {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
-                                      std::pair(kGpuJob, std::vector<double>(8, 15.0))}) {
+  for (const auto& [job, expected] :
+       {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
+        std::pair(kGpuJob, std::vector<double>(8, 15.0)), std::pair(kPairJob, std::vector<double>(8, 15.0))}) {
     const pid_t child = fork();
     if (child == 0) {
       setenv("HEDDLE_PROBE_KILL_AT", "2", 1);

@@ -20,7 +20,7 @@ from heddle import study as definition
 from heddle import study_run
 
 SMALL = """\
-title = "Small"
+leave_one_out = []
 role = "ambient_occlusion"
 graph = "studio"
 set = ["extent=[32,18]"]
@@ -47,7 +47,7 @@ parts = 4
 
 def options(**given):
     known = {"files": [], "role": None, "set": [], "folder": None, "device": None, "rounds": None, "budget": None,
-             "timeout": 120.0, "dry_run": False, "gate": False, "quiet": True}
+             "timeout": 120.0, "scene": [], "climb": "together", "dry_run": False, "gate": False, "quiet": True}
     return argparse.Namespace(**(known | given))
 
 
