@@ -283,7 +283,10 @@ def emitters(both):
     for shape in BLOCKS:
         both.add(shape, (0.6, 0.6, 0.6), roughness=0.4)
     both.add(LAMP, (0, 0, 0), ior=1.0, emissive=(3, 2, 2))
-    both.add(shapes.quad((1.2, 0.4, -0.5), (0, 0, 1.4), (0, 0.9, 0)), (0, 0, 0), ior=1.0, emissive=(4, 6, 8), stripes=(1, 0, 1, 1, 0, 0, 1, 0))
+    window = shapes.quad((1.2, 0.4, -0.5), (0, 0, 1.4), (0, 0.9, 0))
+    # Mitsuba draws points of textured emitters by texture coordinates, once over [0, 1]^2: what repeats it does not find.
+    window["uv0"] = window["uv0"] / np.array([1.4, 0.9])
+    both.add(window, (0, 0, 0), ior=1.0, emissive=(4, 6, 8), stripes=(1, 0, 1, 1, 0, 0, 1, 0))
 
 
 def alpha(both):
