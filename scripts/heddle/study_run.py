@@ -20,6 +20,7 @@ import math
 import os
 import pathlib
 import selectors
+import shlex
 import signal
 import subprocess
 import sys
@@ -34,6 +35,7 @@ import numpy as np
 from . import Error, Host, compare, metrics, version
 from . import statistics as s
 from . import study as definition
+from . import study_images as images
 from ._library import CANCELLED, find
 from .study import Point, SceneChoice, Study, slug
 
@@ -131,6 +133,10 @@ class Contents:
 
     def of(self, files: Sequence[str]) -> list[str]:
         return [self._one(file) for file in sorted(files)]
+
+    def known(self) -> dict[str, str]:
+        """{file: hash} of all that was ever asked for."""
+        return dict(self._known)
 
     def _one(self, file: str) -> str:
         if file not in self._known:
@@ -281,6 +287,8 @@ class SceneRun:
         self.errors: dict[str, dict[str, dict]] = {}
         self.rounds: list[dict] = []
         self.foreign: float | None = None  # share of the processors that other programs used while rounds were timed
+        self.kept: dict[str, str] = {}  # keys of images.load(): the first seed of points, and REFERENCE
+        self.explained: dict[str, str] = {}  # keys of the store: how points' frames were planned
         self.changing: dict[str, int] = {}  # frames of the warm-up of points that were still changing after them
 
     def close(self) -> None:
@@ -446,6 +454,9 @@ class SceneRun:
         whole = (total / len(parts)).astype(np.float32)
         without = [((total - part) / (len(parts) - 1)).astype(np.float32) for part in stack] if len(parts) > 1 else []
         np.save(self.folder / f"reference_{slug(self.scene.name)}.npy", whole)
+        self.kept[REFERENCE] = digest("kept", images.fingerprint(whole))
+        if images.head_of(self.folder, self.kept[REFERENCE]) is None:
+            images.keep(self.folder, self.kept[REFERENCE], whole)
         known = {"reference": digest(hashlib.sha256(whole.tobytes()).hexdigest(), len(parts), self.study.metrics,
                                      self.study.exposures, self.study.tone_mapper, str(find()), self.contents.of([str(find())]))}
         for point in self.alive():
@@ -457,23 +468,39 @@ class SceneRun:
                     self.store.put(key, found)
             if found is not None:
                 self.errors[point.name] = found
+                self.guard(point, lambda point=point: self.keep_image(point))
+
+    def keep_image(self, point: Point, image: np.ndarray | None = None) -> None:
+        """Of the first seed, for the report. A study of before reports has errors without it: then it is rendered again."""
+        key = self.kept[point.name] = digest("kept", self.keys[point.name])
+        if images.head_of(self.folder, key) is not None:
+            return
+        if image is None:
+            image = self.render_image(point, 0)
+        images.keep(self.folder, key, image)
+
+    def render_image(self, point: Point, seed: int) -> np.ndarray:
+        ask = self.workers[point.variant].ask
+        file = self.store.folder / f".image.{os.getpid()}.npy"
+        ask("render", point=point.name, frames=self.study.settle, seed=seed, cut=True)
+        ask("read", point=point.name, port=self.study.port, file=str(file))
+        image = np.load(file)
+        file.unlink()
+        return image
 
     def images_key(self, point: Point) -> str:
         return digest("images", self.keys[point.name])
 
     def errors_of(self, point: Point, whole: np.ndarray, without: list[np.ndarray]) -> dict:
         """{"seeds": {metric: [error]}, "parts": {metric: [error of the first seed with a part left out]}, "is_random"}."""
-        ask = self.workers[point.variant].ask
         result: dict = {"seeds": {m: [] for m in self.study.metrics}, "parts": {m: [] for m in self.study.metrics},
                         "is_random": True}
         first = None
         for seed in range(SEEDS):
             self.stop()
-            file = self.store.folder / f".image.{os.getpid()}.npy"
-            ask("render", point=point.name, frames=self.study.settle, seed=seed, cut=True)
-            ask("read", point=point.name, port=self.study.port, file=str(file))
-            image = np.load(file)
-            file.unlink()
+            image = self.render_image(point, seed)
+            if seed == 0:
+                self.keep_image(point, image)
             if seed == 1 and np.array_equal(image, first):
                 result["is_random"] = False
                 break
@@ -517,6 +544,12 @@ class SceneRun:
                     self.store.put(key, found)
             if found is not None:
                 self.measured[point.name] = found
+            key = digest("explain", self.keys[point.name])
+            if self.state[point.name][0] == "ok" and self.store.get(key) is None:
+                explained = self.guard(point, lambda point=point: self.workers[point.variant].ask("explain", point=point.name))
+                if explained is not None:
+                    self.store.put(key, explained["explain"])
+            self.explained[point.name] = key
 
     def measure_times(self) -> None:
         """Rounds of turns. A point that is lost on the way leaves; what it and the others finished stays."""
@@ -649,6 +682,38 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
     return rows, restless
 
 
+def made_by(run: SceneRun) -> dict:
+    """What made a scene's numbers: enough to make any of them again, and to show its image and its frame."""
+    reference = run.study.reference
+    values = [s.round_values(each["order"], [float(np.median(turn)) for turn in each["ms"]]) for each in run.rounds]
+    return {
+        "scene": run.scene.name, "file": absolute(run.scene.file), "camera": run.scene.camera, "time": run.scene.time,
+        "overlays": [absolute(each) for each in run.scene.overlays], "devices": run.devices, "device": run.options.device,
+        "reference": None if reference is None else {
+            "graph": absolute(reference.graph), "settings": list(reference.settings), "parts": reference.parts,
+            "image": run.kept.get(REFERENCE)},
+        "points": [{
+            "name": point.name, "variant": point.variant, "knobs": [list(each) for each in point.knobs],
+            "graph": absolute(point.graph), "settings": list(point.settings), "image": run.kept.get(point.name),
+            "explained": run.explained.get(point.name),
+            "device": run.measured.get(point.name, {}).get("device"),
+        } for point in run.study.points],
+        # Of each round the mean logarithm of milliseconds; the first point takes part twice.
+        "rounds": [{name: round(value, 7) for name, value in each.items()} for each in values],
+    }
+
+
+def absolute(file: str) -> str:
+    """A file's whole path; what comes with Heddle goes by its name."""
+    path = pathlib.Path(file)
+    return str(path.resolve()) if path.exists() else file
+
+
+def command_line() -> str:
+    """What was typed, as near as Python knows."""
+    return shlex.join(["heddle", *sys.argv[1:]] if sys.argv[1:2] == ["study"] else ["heddle", "study"])
+
+
 def is_finite(found: dict, metric: str) -> bool:
     return all(math.isfinite(each) for each in [*found["seeds"][metric], *found["parts"][metric]])
 
@@ -779,6 +844,7 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
                              "  help:     --folder says where they go") from error
     rows: list[dict] = []
     restless: dict[str, list[str]] = {}
+    made: list[dict] = []
     begun = time.monotonic()
     for number, scene in enumerate(study.scenes):
         run = SceneRun(study, scene, store, options, folder, contents, say, stop, begun + 60 * study.budget_minutes)
@@ -797,9 +863,12 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
         own, restless[scene.name] = rows_of(run)
         rows += own
         mark_front(rows, study.metrics[0])
+        made.append(made_by(run))
         report = {"study": definition.dataclasses.asdict(study), "heddle": version(), "machine": machine(),
-                  "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER}
+                  "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER,
+                  "command": command_line(), "made_by": made, "files": contents.known()}
         write_table(folder, finite(rows), report)
+    from . import report as page
     from . import study_chart
 
     chart = study_chart.draw(study, rows, folder)
@@ -807,6 +876,7 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
     for name in ("results.csv", "results.json"):
         say(f"wrote {folder / name}")
     say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
+    say(f"wrote {page.write(folder)}")
     return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
 
 

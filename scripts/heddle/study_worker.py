@@ -84,6 +84,10 @@ class Worker:
         pathlib.Path(partial).replace(file)
         return {"shape": pixels.shape}
 
+    def explain(self, point: str) -> dict:
+        """How the last frame was planned: its passes, which of them were dropped and why, what they read and write, memory."""
+        return {"explain": json.loads(self.graphs[point].explain("json"))}
+
     def forget(self, point: str) -> dict:
         self.graphs.pop(point).close()
         return {}
