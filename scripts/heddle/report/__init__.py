@@ -11,8 +11,8 @@ import base64
 import datetime
 import hashlib
 import html
+import itertools
 import json
-import math
 import os
 import pathlib
 import platform
@@ -22,9 +22,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import Error, compare, error_image, metrics
+from .. import Error, error_image, metrics
 from .. import statistics as s
 from .. import study_images as images
+from ..comparison import compare_with_map
 from .verdict import verdict
 
 HERE = pathlib.Path(__file__).parent
@@ -83,9 +84,9 @@ class Page:
 
     def text(self, budget: int, whole: int) -> Iterator[str]:
         data = self.data()
-        numbers = len(json.dumps(data))
+        rest = sum(len(part.encode()) for part in assemble(data | {"images": {}}, []))
         kept = self.images()
-        blobs, levels = fit(self, kept, max(budget - numbers - 400_000, 0), whole)
+        blobs, levels = fit(self, kept, max(budget - rest - 1000, 0), whole)
         data["images"] = {key: head for key, (head, _) in blobs.items()}
         data["level"] = {"scale": levels.scale, "mantissa": levels.mantissa}
         return assemble(data, [text for _, parts in blobs.values() for text in parts])
@@ -178,15 +179,14 @@ class Page:
         name = "flip" if kept.is_encoded else "hdr_flip"
         key = hashlib.sha256(json.dumps([kept.key, kept.reference, name, self.exposures, self.study["tone_mapper"]]).encode())
         path = self.folder / "measured" / f"flip_{key.hexdigest()[:32]}.npz"
-        with_what = {"exposures": self.exposures, "tone_mapper": self.study["tone_mapper"]}
+        with_what: Json = {"exposures": self.exposures, "tone_mapper": self.study["tone_mapper"]}
         try:
             with np.load(path) as found:
                 return json.loads(str(found["head"])), found["map"]
         except (OSError, ValueError, KeyError):
             pass
         try:
-            described = compare(image, reference, [name], **with_what)[name]
-            map = error_image(image, reference, name, **with_what)
+            described, map = compare_with_map(image, reference, name, **with_what)
         except Error as error:
             return {"name": name, "why_none": str(error).split("\n")[0].removeprefix("error: ")}, None
         head = {"name": name} | described
@@ -201,11 +201,12 @@ class Page:
         """(their side in pixels, the tiles with the largest mean error, largest first)."""
         map = error_map(image, reference, kept.metric)
         side = tile_side(*map.shape)
-        rows, columns = math.ceil(map.shape[0] / side), math.ceil(map.shape[1] / side)
-        means = [(float(map[y * side:(y + 1) * side, x * side:(x + 1) * side].mean()), -y, -x)
-                 for y in range(rows) for x in range(columns)]
-        worst = sorted((each for each in means if each[0] > 0), reverse=True)[:count]
-        return side, [{"x": -x * side, "y": -y * side, "error": error} for error, y, x in worst]
+        tops, lefts = np.arange(0, map.shape[0], side), np.arange(0, map.shape[1], side)
+        sums = np.add.reduceat(np.add.reduceat(map, tops, axis=0), lefts, axis=1)
+        means = sums / np.outer(np.diff(tops, append=map.shape[0]), np.diff(lefts, append=map.shape[1]))
+        # Of equal ones the first from the top left.
+        worst = [np.unravel_index(each, means.shape) for each in np.argsort(-means, axis=None, kind="stable")[:count]]
+        return side, [{"x": int(x) * side, "y": int(y) * side, "error": float(means[y, x])} for y, x in worst if means[y, x] > 0]
 
 
 def error_map(image: NDArray, reference: NDArray, metric: str) -> NDArray[np.float64]:
@@ -232,15 +233,14 @@ def fit(page: Page, kept: Sequence[Kept], budget: int, whole: int) -> tuple[dict
     count = WORST_TILES
     for number, level in enumerate(LEVELS):
         limit = min(whole, budget) if level.scale == 1 else budget
-        # A few tell whether all would fit; then all are counted.
+        # A few tell whether all could fit; then all are counted.
         some = kept[::max(1, len(kept) // 6)]
-        if some and size_of(encoded(page, some, level, count, 0)) * len(kept) / len(some) > 1.1 * limit:
+        if number == len(LEVELS) - 1 or not some or size_of(encoded(page, some, level, count)) * len(kept) / len(some) <= 1.1 * limit:
+            blobs = encoded(page, kept, level, count)
+            if size_of(blobs) <= limit or number == len(LEVELS) - 1:
+                return blobs, level
+        if level.scale > 1:
             count = max(FEWEST_TILES, count - 1)
-            continue
-        blobs = encoded(page, kept, level, count, 0)
-        if size_of(blobs) <= limit or number == len(LEVELS) - 1:
-            return blobs, level
-        count = max(FEWEST_TILES, count - 1)
     raise AssertionError
 
 
@@ -248,9 +248,9 @@ def size_of(blobs: dict[str, Blob]) -> int:
     return sum(len(json.dumps(head)) + sum(map(len, parts)) for head, parts in blobs.values())
 
 
-def encoded(page: Page, kept: Sequence[Kept], level: Level, tile_count: int, first: int) -> dict[str, Blob]:
+def encoded(page: Page, kept: Sequence[Kept], level: Level, tile_count: int) -> dict[str, Blob]:
     blobs: dict[str, Blob] = {}
-    names = (f"p{number}" for number in range(first, 10**9))
+    names = (f"p{number}" for number in itertools.count())
     reference_key, reference = None, None
     for each in kept:
         try:
