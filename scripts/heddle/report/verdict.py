@@ -54,14 +54,13 @@ def best(study: Json, rows: list[Json]) -> str:
     unclear = [point for point, found in words.items() if any(s.UNDECIDED in (a["verdict"], b["verdict"]) for a, b in found.values())]
     text = f"Nothing was seen to be both faster and nearer to the reference than {against}{where}: "
     rest = len(words) - len(faster) - len(nearer) - len(unclear)
-    parts = [f"{count} {'is' if count == 1 else 'are'} {what}" for count, what in (
+    groups = [(count, what) for count, what in (
         (len(faster), "faster with a larger error"), (len(nearer), "slower with a smaller error"),
         (len(unclear), "undecided in time or error" + (" on a scene" if where else "")),
         (rest, "better in neither" + (" on every scene" if where else ""))) if count]
-    if len(parts) == 1:
-        return text + ("the other one " if len(words) == 1 else "all others, ") + parts[0].removeprefix("1 ") + "."
-    text += f"of {len(words)} others "
-    return text + ", ".join(parts) + "."
+    if len(groups) == 1:
+        return text + ("the other one is " if len(words) == 1 else f"all {len(words)} others are ") + groups[0][1] + "."
+    return text + f"of {len(words)} others " + ", ".join(f"{count} {'is' if count == 1 else 'are'} {what}" for count, what in groups) + "."
 
 
 def trust(rows: list[Json], restless: dict[str, list[str]]) -> str:
