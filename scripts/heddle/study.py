@@ -9,7 +9,7 @@ import itertools
 import pathlib
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from . import Error, Host, metrics
@@ -52,6 +52,7 @@ class Reference:
     graph: str
     settings: tuple[str, ...]
     parts: int  # independent renderings, by their seeds
+    files: tuple[str, ...] = ()  # images of the scenes instead of renderings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,7 +86,7 @@ STUDY_KEYS = {
 }
 SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "times": NUMBERS, "overlays": TEXTS}
 VARIANT_KEYS = {"name": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "knobs": ANY}
-REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE}
+REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE, "file": TEXT}
 
 
 class Places:
@@ -127,6 +128,7 @@ class Reader:
         self.errors: list[str] = []
         self.is_pass_known = True  # else that was said, and is not said again of each variant
         self._cameras: dict[tuple[str, ...], list[str] | None] = {}
+        self.extent: tuple[str, list[int]] | None = None  # of the first variant, and its name
         listed = host.list()
         self.roles = {role["name"]: role for role in listed["roles"]}
         self.techniques = {(each["role"], each["name"]): each for each in listed["techniques"]}
@@ -264,7 +266,7 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
         reader.unknown(("tone_mapper",), "tone mapper", tone_mapper, ("aces", "hable", "reinhard"))
     scenes = read_scenes(reader, table.get("scene", []))
     points = read_variants(reader, table.get("variant", []), graph, settings, role, pass_name, port)
-    reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name)
+    reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name, scenes)
     study = Study(
         name, table.get("title", name), port or "", pass_name, scenes, points, reference, wanted,
         rounds=reader.number(table, "rounds", 15, 7, 1000), frames=reader.number(table, "frames", 3, 1, 1000),
@@ -414,6 +416,8 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
                 continue
             reader.fail(place, f"the variant's graph has no port '{port}', which is compared")
         present = next((each for each in described.get("passes", []) if each["name"] == pass_name), None)
+        if described:
+            check_extent(reader, place, f"variant '{name}'", described["extent"])
         if described and present is None and "knobs" in table and reader.is_pass_known:
             reader.fail((*path, "knobs"), "of which pass are these the knobs?",
                         expected="'role' or 'pass' at the top, and the pass in the variant's graph")
@@ -432,6 +436,16 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
                 reader.fail((*path, "name"), f"a point of another variant is called '{point.name}' as well")
             points.append(point)
     return tuple(points)
+
+
+def check_extent(reader: Reader, path: tuple, what: str, extent: list[int]) -> None:
+    """Images of two sizes cannot be compared."""
+    if reader.extent is None:
+        reader.extent = (what, extent)
+    elif extent != reader.extent[1]:
+        reader.fail(path, f"{what} is of another size than {reader.extent[0]}", found=f"{extent[0]} x {extent[1]}",
+                    expected=f"{reader.extent[1][0]} x {reader.extent[1][1]}",
+                    help="extent=[...] in 'set' at the top holds for all of them")
 
 
 def swap(reader: Reader, path: tuple, table: Mapping[str, Any], role: str | None, pass_name: str | None) -> tuple[str, ...]:
@@ -496,9 +510,11 @@ def rungs(ladders: Mapping[str, list]) -> list[tuple[tuple[str, Any], ...]]:
 
 
 def read_reference(reader: Reader, given: dict | None, graph: str, settings: tuple[str, ...], role: str | None,
-                   pass_name: str | None) -> Reference | None:
+                   pass_name: str | None, scenes: Sequence[SceneChoice]) -> Reference | None:
     """As written, else what the role names; at the last rung of each ladder that neither says."""
     table = reader.check_table(("reference",), given or {}, REFERENCE_KEYS)
+    if "file" in table:
+        return read_reference_files(reader, table, scenes)
     own_graph = reader.file(table["graph"]) if "graph" in table else graph
     named: tuple[str, ...] = ()
     if "technique" in table:
@@ -517,8 +533,37 @@ def read_reference(reader: Reader, given: dict | None, graph: str, settings: tup
         named += tuple(f"{pass_name}.params.{key}={value}" for key, value in (last | stated["params"]).items())
     everything = (*settings, *named, *table.get("set", []))
     if reader.is_pass_known or ("technique" not in table and "graph" in table):
-        load(reader, ("reference", "set") if "set" in table else ("reference",), own_graph, everything)
+        place = ("reference", "set") if "set" in table else ("reference",)
+        if described := load(reader, place, own_graph, everything):
+            check_extent(reader, place, "the reference", described["extent"])
     parts = table.get("parts", 8)
     if not 1 <= parts <= 1000:
         reader.fail(("reference", "parts"), "'parts' is out of range", found=f"{parts}", expected="1 to 1000")
     return Reference(own_graph, everything, parts)
+
+
+def read_reference_files(reader: Reader, table: Mapping[str, Any], scenes: Sequence[SceneChoice]) -> Reference | None:
+    """Images from elsewhere, one a scene: "{scene}" in the file's name is the scene's."""
+    place = ("reference", "file")
+    for key in ("technique", "graph", "set", "parts"):
+        if key in table:
+            reader.fail(("reference", key), f"'{key}' says how the reference is rendered, and 'file' that it is an image",
+                        expected="one of them")
+    if len(scenes) > 1 and "{scene}" not in table["file"]:
+        reader.fail(place, "one image is the reference of several scenes", found=f"file = \"{table['file']}\"",
+                    expected="{scene} in its name, for " + ", ".join(slug(scene.name) for scene in scenes))
+        return None
+    files = []
+    for scene in scenes:
+        file = reader.file(table["file"].replace("{scene}", slug(scene.name)))
+        if not pathlib.Path(file).exists():
+            reader.fail(place, f"there is no image '{file}', the reference of scene '{scene.name}'")
+            continue
+        try:
+            height, width = reader.host.read_image(file).shape[:2]
+        except Error as error:
+            reader.fail(place, "the reference cannot be read:\n    " + str(error).replace("\n", "\n    "))
+            continue
+        check_extent(reader, place, f"the reference '{file}'", [width, height])
+        files.append(file)
+    return Reference("", (), 1, tuple(files))

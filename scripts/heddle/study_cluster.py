@@ -25,6 +25,7 @@ from . import Error
 from .study_items import Contents, Lost, Refused, Residents, build, fingerprint, timing_alone
 from .study_run import Answer, Moved
 
+TOPIC = "heddle-study"  # what workers say to people
 ATTEMPTS = 5  # at one item, each ended by workers that died
 MOVES = 20  # of the place that times
 IDLE_SECONDS = 900.0  # after which the processes of a study that asks for nothing more are ended
@@ -55,10 +56,16 @@ def describe(device: str | None) -> dict:
 
 
 def perform(item: dict, is_timed: bool, asked_by: dict, truth: dict | None = None) -> dict:
-    """What Residents says of an item: {"machine"} and "value", "lost" [state, text, point], "refused" or "errno" and "text";
-    "said" for people. Everything that crosses is plain."""
-    said: list[str] = []
-    answer: dict[str, Any] = {"said": said, "worker": worker_address()}
+    """What Residents says of an item: {"machine", "worker"} and "value", "lost" [state, text, point], "refused" or "errno" and
+    "text". Everything that crosses is plain."""
+    from distributed import get_worker
+
+    worker = get_worker()
+    answer: dict[str, Any] = {"worker": worker.address}
+
+    def say(text: str) -> None:
+        worker.log_event(TOPIC, f"{worker.address}: {text}")
+
     try:
         if build() != asked_by:
             raise Refused(f"it has another build of Heddle: {build()}, and the study {asked_by}")
@@ -66,7 +73,7 @@ def perform(item: dict, is_timed: bool, asked_by: dict, truth: dict | None = Non
         owner = "times" if is_timed else threading.get_ident()
         residents = _take(owner, item, is_timed)
         try:
-            with timing_alone(said.append, lambda: None) if is_timed else contextlib.nullcontext():
+            with timing_alone(say, lambda: None) if item["do"] in ("round", "profile") else contextlib.nullcontext():
                 answer["value"] = residents.do(item, truth)
         finally:
             _give_back(owner)
@@ -77,12 +84,6 @@ def perform(item: dict, is_timed: bool, asked_by: dict, truth: dict | None = Non
     except OSError as error:
         answer |= {"errno": error.errno, "text": str(error)}
     return answer
-
-
-def worker_address() -> str:
-    from distributed import get_worker
-
-    return get_worker().address
 
 
 def keep(truth: dict) -> dict:
@@ -172,6 +173,7 @@ class Cluster:
             raise Error(4, f"error: the cluster '{address}' cannot be reached: {error}\n  expected: the address of a Dask "
                            "scheduler, tcp://HOST:8786, or local") from error
         try:
+            self._client.subscribe_topic(TOPIC, lambda event: self._say(f"cluster: {event[1]}"))
             self._wait_for_worker()
             self._say("cluster: " + ", ".join(f"{address} ({each['host']})" for address, each in self._machines.items()))
         except BaseException:
@@ -315,10 +317,13 @@ class Cluster:
         return self._client.submit(perform, item, is_timed, build(), kept, pure=False, workers=workers, allow_other_workers=False)
 
     def _finished(self, futures: list) -> list:
+        """Those that are done; waits half a second for the first."""
         self._stop()
-        with contextlib.suppress(self._distributed.TimeoutError, TimeoutError):
-            self._distributed.wait(futures, timeout=0.5, return_when="FIRST_COMPLETED")
-        return [future for future in futures if future.done()]
+        for _ in range(10):
+            if done := [future for future in futures if future.done()]:
+                return done
+            time.sleep(0.05)
+        return []
 
     def _is_stuck(self, waiting: dict) -> bool:
         """Whether items wait for workers that are gone; waits itself while there is none at all."""
@@ -337,8 +342,6 @@ class Cluster:
                 return None
             raise Error(4, f"error: a worker of the cluster failed: {type(error).__name__}: {error}") from error
         found = future.result()
-        for text in found["said"]:
-            self._say(f"{found['worker']}: {text}")
         if "refused" in found:
             self._refuse(found["worker"], found["refused"])
             return Refused(found["refused"])

@@ -234,7 +234,7 @@ class SceneRun:
                 self.identify_one(point.name, point.graph, point.settings, scene_files)
             except Error as error:
                 self.lose(point.name, Lost("failed", str(error)))
-        if self.study.reference is not None:
+        if self.study.reference is not None and not self.study.reference.files:
             self.identify_one(REFERENCE, self.study.reference.graph, self.study.reference.settings, scene_files)
         self.check_alive()
 
@@ -297,7 +297,8 @@ class SceneRun:
         frame = {point.name: self.warm[point.name]["ms"] / 1e3 for point in points if point.name in self.warm}
         missing = {point.name: self.missing_rounds(point) for point in points}
         # The first point and its double take turns in all of them.
-        missing |= {name: max(missing.values(), default=0) for name in (self.baseline.name,) if name in missing}
+        if self.baseline.name in missing:
+            missing[self.baseline.name] = max(missing.values())
         seconds = 2 * (self.study.frames + 1) * sum(
             rounds * frame.get(name, 0.0) * (2 if name == self.baseline.name else 1) for name, rounds in missing.items())
         for point in points:
@@ -316,21 +317,21 @@ class SceneRun:
 
     # Errors
 
-    def reference_images(self) -> tuple[list[np.ndarray], list[str]]:
-        """The independent parts of the reference, one if it has no randomness, and the machines that made them.
-        raises: Lost"""
+    def reference_images(self) -> list[np.ndarray]:
+        """The independent parts of the reference; one if it has no randomness, or is an image. raises: Lost"""
         reference = self.study.reference
         assert reference is not None
+        if reference.files:
+            return [self.host.read_image(reference.files[self.study.scenes.index(self.scene)])]
         told = self.told_of(REFERENCE, REFERENCE, reference.graph, reference.settings, REFERENCE)
         # Seeds of techniques begin at 0: noise is never compared with itself.
         items = [self.item("part", point=told, seed=1_000_000 + part) for part in range(reference.parts)]
         parts: dict[int, np.ndarray] = {}
-        made_by: dict[int, str] = {}
         for i, item in enumerate(items):
             for machine in self.executor.machines():
                 found = self.store.image(self.part_key(item["seed"], machine["id"]))
                 if found is not None:
-                    parts[i], made_by[i] = found, machine["id"]
+                    parts[i] = found
                     break
 
         def make(wanted: Sequence[int]) -> float:
@@ -340,7 +341,7 @@ class SceneRun:
                 if answer.lost is not None:
                     raise answer.lost
                 i = todo[number]
-                parts[i], made_by[i], seconds = answer.value["image"], answer.machine, answer.value["seconds"]
+                parts[i], seconds = answer.value["image"], answer.value["seconds"]
                 self.store.put_image(self.part_key(items[i]["seed"], answer.machine), parts[i])
             return seconds
 
@@ -351,10 +352,9 @@ class SceneRun:
             self.check_budget(rest + self.estimate_seconds())
         make(range(min(2, reference.parts)))
         if len(parts) > 1 and np.array_equal(parts[0], parts[1]):
-            return [parts[0]], [made_by[0]]
+            return [parts[0]]
         make(range(reference.parts))
-        order = sorted(parts)
-        return [parts[i] for i in order], [made_by[i] for i in order]
+        return [parts[i] for i in sorted(parts)]
 
     def part_key(self, seed: int, machine: str) -> str:
         return digest("part", self.keys[REFERENCE], machine, seed)
@@ -364,7 +364,7 @@ class SceneRun:
         if self.study.reference is None or not self.alive():
             return
         try:
-            parts, _ = self.reference_images()
+            parts = self.reference_images()
         except Lost as lost:
             self.say(f"{self.scene.name}: the reference {lost.state}: {lost}")
             for point in self.study.points:
