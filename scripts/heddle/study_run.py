@@ -554,7 +554,8 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
                 row(point, f"memory {name}", "bytes", value=value, formula=MEMORY.get(name, ""), machine=found["machine"])
             for name, value in found["counters"].items():
                 if isinstance(value, (int, float)):
-                    row(point, f"count {name}", "1", value=value, machine=found["machine"])
+                    unit = next((unit for unit in ("ms", "bytes") if name.endswith(f"_{unit}")), "1")
+                    row(point, f"count {name}", unit, value=value, machine=found["machine"])
         by = run.errors.get(point.name, {}).get("machine", "")
         for metric, errors in run.errors.get(point.name, {}).get("seeds", {}).items():
             parts = run.errors[point.name]["parts"][metric]
