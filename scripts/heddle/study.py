@@ -6,6 +6,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import itertools
+import json
 import pathlib
 import re
 import tomllib
@@ -74,6 +75,7 @@ class Study:
     exposures: tuple[float, float, int] | None
     tone_mapper: str
     seed: int
+    function_image: str | None = None  # the technique of that role which makes `port`, in graphs that are not timed
 
 
 # What a table may hold: the types of its values, in words for errors.
@@ -86,6 +88,7 @@ STUDY_KEYS = {
 }
 SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "times": NUMBERS, "overlays": TEXTS}
 VARIANT_KEYS = {"name": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "knobs": ANY}
+FUNCTION_PORT = "measured_function.image"  # of the pass that a study adds where a role's technique makes no image itself
 REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE, "file": TEXT}
 
 
@@ -273,7 +276,7 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
         settle=reader.number(table, "settle", 1, 1, 10000), resolution=reader.number(table, "resolution", 0.02, 1e-4, 1),
         error_resolution=reader.number(table, "error_resolution", 0.02, 1e-4, 1),
         budget_minutes=reader.number(table, "budget_minutes", 30, 0, 1e6), exposures=exposures, tone_mapper=tone_mapper,
-        seed=reader.number(table, "seed", 0, 0, 2**31))
+        seed=reader.number(table, "seed", 0, 0, 2**31), function_image=role if port == FUNCTION_PORT else None)
     if reader.errors:
         raise Error(2, "\n".join(reader.errors))
     return study
@@ -287,6 +290,22 @@ def load(reader: Reader, path: tuple, graph: str, settings: Iterable[str]) -> di
     except Error as error:
         reader.fail(path, "the graph does not take these settings:\n    " + str(error).replace("\n", "\n    "))
         return {}
+
+
+def load_function_image(reader: Reader, path: tuple, graph: str, settings: Iterable[str], role: str,
+                        pass_name: str | None) -> None:
+    """A mistake at `path` if the graph with the pass that makes the image cannot be."""
+    try:
+        adds = with_function_image(reader.host, graph, settings, role, pass_name)
+        reader.host.parse(extended(absolute(graph), adds), f"{graph} with function_image/{role}", "", list(settings)).close()
+    except Error as error:
+        reader.fail(path, f"no image can be made of what role '{role}' answers there:\n    "
+                    + str(error).replace("\n", "\n    "))
+
+
+def absolute(graph: str) -> str:
+    """A file's whole path; what comes with Heddle goes by its name."""
+    return str(pathlib.Path(graph).absolute()) if pathlib.Path(graph).is_file() else graph
 
 
 def choose_pass(reader: Reader, table: Mapping[str, Any], passes: Mapping[str, Any]) -> tuple[str | None, str | None]:
@@ -303,6 +322,8 @@ def choose_pass(reader: Reader, table: Mapping[str, Any], passes: Mapping[str, A
     if role is None or not passes:
         return role, None
     found = [each["name"] for each in passes.values() if each["role"] == role]
+    if role in found:  # of several the one that nobody gave another name
+        return role, role
     if len(found) != 1:
         reader.fail(("role",), f"the graph has {len(found)} passes of role '{role}'", found=", ".join(found),
                     expected="'pass' says which" if found else "a graph with such a pass: 'graph' says which")
@@ -321,11 +342,30 @@ def choose_port(reader: Reader, table: Mapping[str, Any], role: str | None, pass
     if role is None:
         return described.get("output"), None
     measure = reader.roles[role].get("measure") or {}
+    if measure.get("kind") == "function_image" and ("function_image", role) in reader.techniques:
+        return FUNCTION_PORT, measure.get("metric") or None
     if measure.get("kind") != "image":
         reader.fail(("role",), f"what role '{role}' makes is no image that could be compared as it is",
                     expected="'port' says which image is compared: display.color, for instance")
         return None, None
     return f"{pass_name}.{measure['port']}" if pass_name else None, measure.get("metric")
+
+
+def function_pass(technique: str, role: str, asked: str | None) -> str:
+    """TOML of a pass that makes an image of what one pass answers, `asked`, or of the neutral body."""
+    return (f'[[pass]]\nname = "{FUNCTION_PORT.split(".")[0]}"\nrole = "function_image"\ntechnique = "{technique}"\n'
+            f"functions.{role} = [{json.dumps(asked) if asked is not None else ''}]\n")
+
+
+def with_function_image(host: Host, graph: str, settings: Iterable[str], technique: str, pass_name: str | None) -> str:
+    """What a graph needs at its end for FUNCTION_PORT, as TOML. raises: Error"""
+    with host.graph(graph, list(settings)) as made:
+        passes = {each["name"]: each["technique"] for each in made.describe()["passes"]}
+    return function_pass(technique, technique, pass_name if passes.get(pass_name or "", "none") != "none" else None)
+
+
+def extended(graph: str, adds: str) -> str:
+    return f"extends = {json.dumps(graph)}\n{adds}"
 
 
 def slug(text: str) -> str:
@@ -408,7 +448,9 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
         # Settings of a technique that could not be put into its pass would be wrong for the one that is there.
         is_swapped = reader.is_pass_known or ("technique" not in table and "graph" in table)
         described = load(reader, place, own_graph, own) if is_swapped else {}
-        if described and port is not None and port not in [each["name"] for each in described["ports"]]:
+        if described and port == FUNCTION_PORT:
+            load_function_image(reader, place, own_graph, own, str(role), pass_name)
+        elif described and port is not None and port not in [each["name"] for each in described["ports"]]:
             if table.get("technique") == "none" and port.startswith(f"{pass_name}."):
                 reader.fail((*path, "technique"), f"without pass '{pass_name}' there is no '{port}', the image that is compared",
                             found="technique = \"none\"", expected="a technique, or a port of a pass that stays",

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Work items of a study: plain data in, plain data out, on whichever machine does them.
 
-An item says what is to be done ("warm", "part", "errors", "round", "profile"), with which scene and points, and what the
+An item says what is to be done, by a method of Residents, with which scene and points, and what the
 files that go into it hold; Residents does it, in processes that stay between items. The machine that asks and the one that
 does it have the same build of Heddle. Paths below its folder are the machine's own, all others the same on every machine,
 and contents are compared before anything is rendered: whoever has other ones refuses.
@@ -335,7 +335,8 @@ class Residents:
             if (owner, point["name"]) in self._loaded:
                 return
             files = self.workers[owner].ask("load", point=point["name"], graph=own(point["graph"]),
-                                            settings=point["settings"], keep=item["port"])["files"]
+                                            settings=point["settings"], keep=point["keep"],
+                                            adds=point.get("adds"))["files"]
         check_contents(self.contents.of([*files, *self._files[owner]]), point["expected"])
         self._loaded[(owner, point["name"])] = None
 
@@ -433,9 +434,22 @@ class Residents:
         return {"ms": times, "others": others, "changing": changing}
 
     def profile(self, item: Mapping[str, Any]) -> dict:
+        return self.ask({**item, "request": "profile", "arguments": {"frames": PROFILED_FRAMES}})
+
+    def ask(self, item: Mapping[str, Any]) -> dict:
+        """What study_worker.py answers to the item's request about its point."""
         point = item["point"]
         self.load(item, point)
-        return self._ask(point, "profile", point=point["name"], frames=PROFILED_FRAMES)
+        return self._ask(point, item["request"], point=point["name"], **item["arguments"])
+
+    def forget(self, item: Mapping[str, Any]) -> None:
+        """That point is not needed any more."""
+        point = item["point"]
+        place = (point["owner"], point["name"])
+        if place in self._loaded:
+            self._ask(point, "forget", point=point["name"])
+            del self._loaded[place]
+            self.warm.pop(place, None)
 
     def _own_seconds(self) -> float:
         return sum(used_seconds(pid) for pid in [os.getpid(), *[w.process.pid for w in self.workers.values()]])

@@ -34,7 +34,7 @@ from ._library import CANCELLED
 from .study import Point, SceneChoice, Study, slug
 from .study_items import (AGAIN, PROFILED_FRAMES, REFERENCE, SEEDS, Contents, Lost, Refused, Residents, digest, fingerprint, own,
                           portable, timing_alone)
-from .study_worker import open_scene
+from .study_worker import open_graph, open_scene
 
 # ---- What is kept ----
 
@@ -195,7 +195,7 @@ class SceneRun:
         self.described = {"file": portable(path or scene.file), "camera": scene.camera, "time": scene.time,
                           "overlays": [portable(each) for each in scene.overlays]}
         self.state: dict[str, tuple[str, str]] = {point.name: ("ok", "") for point in study.points}
-        self.expected: dict[str, dict[str, str]] = {}  # contents of the files of points
+        self.graphs: dict[str, dict] = {}  # what items are told of points
         self.keys: dict[str, str] = {}  # what a point's images depend on, beside the machine
         self.warm: dict[str, dict] = {}
         self.measured: dict[str, dict] = {}  # profile() of points
@@ -231,20 +231,36 @@ class SceneRun:
                         + str(error).replace("\n", "\n    ")) from error
         for point in self.study.points:
             try:
-                self.identify_one(point.name, point.graph, point.settings, scene_files)
+                self.identify_one(point.name, point.graph, point.settings, scene_files, None)
+                if self.study.function_image is not None:
+                    self.identify_one(self.image_of(point.name), point.graph, point.settings, scene_files, self.study.pass_name)
             except Error as error:
                 self.lose(point.name, Lost("failed", str(error)))
-        if self.study.reference is not None and not self.study.reference.files:
-            self.identify_one(REFERENCE, self.study.reference.graph, self.study.reference.settings, scene_files)
+        if (reference := self.study.reference) is not None and not reference.files:
+            self.identify_one(REFERENCE, reference.graph, reference.settings, scene_files, self.study.pass_name)
         self.check_alive()
 
-    def identify_one(self, name: str, graph: str, settings: Sequence[str], scene_files: Sequence[str]) -> None:
-        with self.host.graph(graph, list(settings)) as made:
-            made.keep(self.study.port)
-            files = made.files()
-        self.expected[name] = self.contents.of([*files, *scene_files])
-        self.keys[name] = digest("image", [content for _, content in sorted(self.expected[name].items())], settings,
+    def identify_one(self, name: str, graph: str, settings: Sequence[str], scene_files: Sequence[str],
+                     asked: str | None) -> None:
+        """asked: of a graph that is not timed the pass whose answers become an image, where the study has such a role."""
+        adds = None
+        if self.study.function_image is not None and asked is not None:
+            adds = definition.with_function_image(self.host, graph, settings, self.study.function_image, asked)
+        # What is timed makes the port only if it is the graph's own.
+        keep = self.study.port if adds is not None or self.study.function_image is None else None
+        with open_graph(self.host, definition.absolute(graph) if adds else graph, settings, adds) as made:
+            if keep is not None:
+                made.keep(keep)
+            files = [file for file in made.files() if pathlib.Path(file).is_absolute() or pathlib.Path(file).exists()]
+        expected = self.contents.of([*files, *scene_files])
+        self.graphs[name] = {"graph": portable(graph) if pathlib.Path(graph).is_file() else graph, "settings": list(settings),
+                             "expected": expected, "keep": keep, "adds": adds}
+        self.keys[name] = digest("image", [content for _, content in sorted(expected.items())], settings, adds,
                                  self.scene.camera, self.scene.time, self.study.port, self.study.settle)
+
+    def image_of(self, name: str) -> str:
+        """The name under which a point's image is made: another graph's, where the point's own has none."""
+        return name if self.study.function_image is None else f"{name} (image)"
 
     def check_alive(self) -> None:
         if not self.alive():  # nothing can be measured: the scene, the device, or all settings are wrong
@@ -252,13 +268,9 @@ class SceneRun:
             raise Error(2 if state == "failed" else 4, f"{self.scene.where}: error: nothing of scene '{self.scene.name}' can be "
                         f"rendered\n    " + text.replace("\n", "\n    "))
 
-    def told(self, point: Point, owner: str | None = None) -> dict:
-        """A point as items have it; owner AGAIN: the first point's double."""
-        return self.told_of(owner or point.name, owner or point.variant, point.graph, point.settings, point.name)
-
-    def told_of(self, name: str, owner: str, graph: str, settings: Sequence[str], key: str) -> dict:
-        return {"name": name, "owner": owner, "graph": portable(graph) if pathlib.Path(graph).is_file() else graph,
-                "settings": list(settings), "expected": self.expected[key]}
+    def told(self, name: str, owner: str, shown: str | None = None) -> dict:
+        """A point as items have it. owner: the process it lives in; shown: by another name, as the first point's double."""
+        return {"name": shown or name, "owner": owner} | self.graphs[name]
 
     def item(self, do: str, **more: Any) -> dict:
         return {"do": do, "scene": self.described, "device": self.options.device, "timeout": self.options.timeout,
@@ -272,7 +284,7 @@ class SceneRun:
         for point in due:
             while point.name not in self.warm and self.state[point.name][0] == "ok":
                 with contextlib.suppress(Moved):
-                    answer = self.executor.at_place(self.item("warm_point", point=self.told(point)))
+                    answer = self.executor.at_place(self.item("warm_point", point=self.told(point.name, point.variant)))
                     if answer.lost is not None:
                         self.lose(point.name, answer.lost)
                     else:
@@ -323,7 +335,7 @@ class SceneRun:
         assert reference is not None
         if reference.files:
             return [self.host.read_image(reference.files[self.study.scenes.index(self.scene)])]
-        told = self.told_of(REFERENCE, REFERENCE, reference.graph, reference.settings, REFERENCE)
+        told = self.told(REFERENCE, REFERENCE)
         # Seeds of techniques begin at 0: noise is never compared with itself.
         items = [self.item("part", point=told, seed=1_000_000 + part) for part in range(reference.parts)]
         parts: dict[int, np.ndarray] = {}
@@ -388,7 +400,7 @@ class SceneRun:
                 self.errors[point.name] = found[0]
             else:
                 todo.append(point)
-        items = [self.item("errors", point=self.told(point), metrics=list(self.study.metrics), exposures=self.study.exposures,
+        items = [self.item("errors", point=self.told(self.image_of(point.name), point.variant), metrics=list(self.study.metrics), exposures=self.study.exposures,
                            tone_mapper=self.study.tone_mapper) for point in todo]
         for number, answer in self.executor.run(items, truth):
             point = todo[number]
@@ -400,10 +412,10 @@ class SceneRun:
             self.store.put(self.images_key(point, answer.machine), {"point": point.name})
 
     def errors_key(self, point: Point, reference: str, machine: str) -> str:
-        return digest("errors", self.keys[point.name], machine, reference)
+        return digest("errors", self.keys[self.image_of(point.name)], machine, reference)
 
     def images_key(self, point: Point, machine: str) -> str:
-        return digest("images", self.keys[point.name], machine)
+        return digest("images", self.keys[self.image_of(point.name)], machine)
 
     # Times
 
@@ -432,7 +444,7 @@ class SceneRun:
                 found = self.store.get(key)
                 if found is None:
                     try:
-                        answer = self.executor.at_place(self.item("profile", point=self.told(point)))
+                        answer = self.executor.at_place(self.item("profile", point=self.told(point.name, point.variant)))
                     except Moved:
                         continue
                     if answer.lost is not None:
@@ -458,9 +470,10 @@ class SceneRun:
 
     def time_round(self, due: Sequence[Point]) -> None:
         """One round, kept if nobody is lost in it: of those that are due, and of the first point, twice."""
-        told = {point.name: self.told(point) for point in due}
+        told = {point.name: self.told(point.name, point.variant) for point in due}
         if self.state[self.baseline.name][0] == "ok":
-            told |= {self.baseline.name: self.told(self.baseline), AGAIN: self.told(self.baseline, AGAIN)}
+            told |= {self.baseline.name: self.told(self.baseline.name, self.baseline.variant),
+                     AGAIN: self.told(self.baseline.name, AGAIN, AGAIN)}
         key = self.times_key()
         number = len(self.store.lines(key))
         names = [name for name in [*(point.name for point in self.study.points), AGAIN] if name in told]

@@ -14,13 +14,14 @@ import json
 import os
 import pathlib
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from . import Error, Graph, Host, Scene
 from .__main__ import Update, imported_files, load_scene, scene_path, stays
+from .study import extended
 
 
 def open_scene(host: Host, described: Mapping[str, Any]) -> tuple[Scene, Update, list[str]]:
@@ -44,6 +45,11 @@ def open_scene(host: Host, described: Mapping[str, Any]) -> tuple[Scene, Update,
     except BaseException:
         scene.close()
         raise
+
+
+def open_graph(host: Host, graph: str, settings: Sequence[str], adds: str | None = None) -> Graph:
+    """A graph; adds: what stands behind its passes, as TOML. raises: Error"""
+    return host.graph(graph, settings) if adds is None else host.parse(extended(graph, adds), f"{graph}, extended", "", settings)
 
 
 def host_bytes() -> dict[str, int]:
@@ -70,17 +76,20 @@ class Worker:
             return {"devices": host.devices()}
 
     def open(self, scene: dict, device: str | None) -> dict:
-        """The host, and the scene with its overlays and camera. Answers with the files that it was made of."""
+        """The host, and the scene with its overlays and camera. Answers with the files that it was made of, and the devices
+        with their drivers that are there."""
         self.host = Host(device, log=lambda severity, text: print(text, file=sys.stderr) if severity < 2 else None)
         self.time = scene["time"]
         self.scene, self.update, files = open_scene(self.host, scene)
-        return {"files": files}
+        return {"files": files, "devices": self.host.devices()}
 
-    def load(self, point: str, graph: str, settings: list[str], keep: str) -> dict:
-        """A graph with its settings, under the name of a point. Plans nothing yet. Answers with its files."""
+    def load(self, point: str, graph: str, settings: list[str], keep: str | None, adds: str | None = None) -> dict:
+        """A graph with its settings, and passes that it does not have, as TOML, under the name of a point. keep: the port that
+        will be read. Plans nothing yet. Answers with its files."""
         assert self.host is not None
-        made = self.graphs[point] = self.host.graph(graph, settings)
-        made.keep(keep)
+        made = self.graphs[point] = open_graph(self.host, graph, settings, adds)
+        if keep is not None:
+            made.keep(keep)
         return {"files": made.files()}
 
     def render(self, point: str, frames: int, seed: int = 0, cut: bool = False) -> dict:

@@ -264,7 +264,7 @@ def test_numbers_are_never_made_of_nothing(call):
 @pytest.mark.skipif(not os.environ.get("HEDDLE_TEST_ALL"), reason="minutes: scripts/test --all runs it")
 def test_equal_processes_on_a_busy_machine_rarely_get_a_verdict(tmp_path, capsys):
     """20 studies of a technique against itself, in processes of its own, while another program computes."""
-    point = {"graph": "studio", "settings": ["extent=[32,18]"]}
+    point = {"graph": "studio", "settings": ["extent=[32,18]"], "keep": "ao.visibility"}
     scene = {"file": "heddle:scripts/scenes/cornell_box.py", "camera": "front", "time": 0.0, "overlays": []}
     contents = study_items.Contents()
     with heddle.Host(log=lambda *_: None) as host, host.graph("studio", point["settings"]) as graph:

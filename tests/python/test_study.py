@@ -148,9 +148,9 @@ def test_a_variant_without_the_pass_is_one_where_its_port_stays(host, tmp_path):
 
 def test_a_mistake_is_not_followed_by_others_that_it_makes(host, tmp_path):
     with pytest.raises(heddle.Error) as raised:
-        definition.of_role(host, "shadow", ["cornell_box.py"], [])
+        definition.of_role(host, "light_assignment", ["cornell_box.py"], [])
     errors = re.findall(r"error: (.*)", str(raised.value))
-    assert len(errors) == 2 and "passes of role 'shadow'" in errors[0] and "is no image" in errors[1]
+    assert len(errors) == 2 and "0 passes of role 'light_assignment'" in errors[0] and "is no image" in errors[1]
     text = refusal(host, tmp_path, SMALL.replace('role = "ambient_occlusion"', 'role = "ambient"'))
     assert len(re.findall("error:", text)) == 1
     assert len(re.findall(r"^/small.toml", refusal(host, tmp_path, SMALL.replace('"studio"', '"stduio"')), re.M)) == 1
@@ -180,8 +180,47 @@ def test_a_study_without_scenes_or_variants_is_none(host, tmp_path):
 
 
 def test_a_role_without_an_image_asks_for_a_port(host, tmp_path):
-    text = SMALL.replace("ambient_occlusion", "shadow").replace('technique = "gtao"', 'technique = "shadow_map"')
+    text = SMALL.replace("ambient_occlusion", "surface_material").replace('technique = "gtao"', 'technique = "ggx"')
     assert "'port' says which image is compared" in refusal(host, tmp_path, text)
+
+
+SHADOWS = """\
+role = "shadow"
+set = ["extent=[48,27]"]
+rounds = 7
+frames = 1
+[[scene]]
+file = "cornell_box.py"
+[[variant]]
+name = "maps"
+technique = "shadow_map"
+[[variant]]
+name = "no shadow"
+technique = "none"
+[reference]
+technique = "shadow_map"
+"""
+
+
+def test_what_a_function_answers_is_compared_as_an_image(host, tmp_path):
+    study = definition.read(host, written(tmp_path, SHADOWS))
+    # Of two passes the one that has the role's own name; the other, which answers as well, is not asked.
+    assert (study.port, study.pass_name, study.function_image) == (definition.FUNCTION_PORT, "shadow", "shadow")
+    asked, ask = [], study_items.Worker.ask
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study_items.Worker, "ask", lambda self, do, **a: asked.append((do, a)) or ask(self, do, **a))
+        assert run(tmp_path, SHADOWS) == 0
+    timed = [a for do, a in asked if do == "load" and a["adds"] is None]
+    shown = [a for do, a in asked if do == "load" and a["adds"] is not None]
+    assert {a["point"] for a in timed} == {"maps", "no shadow", study_items.AGAIN} and all(a["keep"] is None for a in timed)
+    assert {a["point"] for a in shown} == {"maps (image)", "no shadow (image)", study_items.REFERENCE}
+    assert [a["adds"].splitlines()[-1] for a in shown if a["point"] == "no shadow (image)"] == ["functions.shadow = []"]
+    assert not any(do in ("render", "profile") and a["point"].endswith("(image)") and "seed" not in a for do, a in asked)
+    rows = {row["variant"]: row for row in table(tmp_path) if row["quantity"] == "rmse"}
+    assert float(rows["maps"]["value"]) == 0.0
+    reference = np.load(tmp_path / "out" / "reference_cornell_box.npy")
+    assert 0.0 < reference.mean() < 1.0  # some pixels are in shadow, others are not
+    assert float(rows["no shadow"]["value"]) == pytest.approx(np.sqrt(np.mean((1 - reference) ** 2)), rel=1e-6)
 
 
 def test_what_a_file_leaves_open_the_role_says(host, tmp_path):

@@ -184,7 +184,7 @@ def test_an_item_with_other_contents_is_refused_before_anything_is_rendered(host
     monkeypatch.setattr(study_items.Worker, "ask", lambda self, do, **a: asked.append(do) or ask(self, do, **a))
     scene = {"file": "heddle:scripts/scenes/cornell_box.py", "camera": "front", "time": 0.0, "overlays": []}
     residents = study_items.Residents(scene, None, 60, tmp_path, lambda: None, study_items.Contents())
-    point = {"name": "few", "owner": "few", "graph": "studio", "settings": ["extent=[32,18]"],
+    point = {"name": "few", "owner": "few", "graph": "studio", "settings": ["extent=[32,18]"], "keep": "ao.visibility",
              "expected": {study_items.LIBRARY: "another"}}
     try:
         with pytest.raises(study_items.Refused, match="where the study was begun"):

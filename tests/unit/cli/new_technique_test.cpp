@@ -312,7 +312,7 @@ TEST(NewTechnique, RefusesAnUnknownRole) {
   EXPECT_EQ(
       ran.output,
       "error: there is no role 'shadwo'\n"
-      "  expected: one of ambient_occlusion, antialiasing, display, gbuffer, light_assignment, light_count, lighting, "
+      "  expected: one of ambient_occlusion, antialiasing, display, function_image, gbuffer, light_assignment, light_count, lighting, "
       "shadow, sky, subdivision, surface_material, transparency\n"
       "  help:     a new role begins with a role.toml in a folder of its own\n");
 }
