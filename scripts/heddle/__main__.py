@@ -680,6 +680,8 @@ def main() -> int:
     command.add_argument("--rounds", type=int, help="instead of the file's: more rounds see smaller differences")
     command.add_argument("--budget", type=float, help="minutes; a study that would take longer says so and ends before it "
                                                       "times anything")
+    command.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, whose workers do the work; local: workers "
+                                                              "of this machine alone")
     command.add_argument("--timeout", type=float, default=300, help="seconds after which a variant that does not answer "
                                                                     "counts as hung")
     command.add_argument("--dry-run", action="store_true", help="check the file, say what would be measured, render nothing")

@@ -9,6 +9,7 @@ one, and their ratio then and now is compared, round by round, by the rule of al
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import math
 import pathlib
 import tempfile
@@ -18,11 +19,12 @@ from typing import Any
 import numpy as np
 
 from . import Error, Host
-from . import report, study_run
+from . import report
 from . import statistics as s
 from . import study_images as images
 from .study import Point, SceneChoice, Study
-from .study_run import AGAIN, Contents, Lost, SceneRun, Store
+from .study_items import AGAIN, Contents
+from .study_run import Here, SceneRun, Store
 
 Json = dict[str, Any]
 
@@ -49,16 +51,20 @@ def reproduce(options: argparse.Namespace, stop: Callable[[], None]) -> int:
     yardstick = next((each for each in data["points"] if each["scene"] == point["scene"] and each["state"] == "ok"
                       and each["name"] != point["name"]), None)
     with tempfile.TemporaryDirectory(prefix="heddle-reproduce-") as folder:
-        run = make_run(data, scene, point, yardstick, options, pathlib.Path(folder), say, stop)
-        try:
-            image = rendered(run, point, scene)
-            say_what_changed(data, scene, run, say)
-            is_same = compare_bytes(path, point, known, image, say)
-            if options.output:
-                write_output(options, image)
-            verdict = None if options.no_times else compare_times(data, point, yardstick, run, say, stop)
-        finally:
-            run.close()
+        if options.device is None:
+            options.device = scene["device"]
+        executor = Here(options.device, options.timeout, pathlib.Path(folder), say, stop)
+        with Host(options.device, log=lambda *_: None) as host:
+            run = make_run(data, scene, point, yardstick, options, pathlib.Path(folder), host, executor, say, stop)
+            try:
+                image = rendered(run, point, scene)
+                say_what_changed(data, scene, run, say)
+                is_same = compare_bytes(path, point, known, image, say)
+                if options.output:
+                    host.write_image(options.output, image)
+                verdict = None if options.no_times else compare_times(data, point, yardstick, run, say)
+            finally:
+                executor.close()
     return 0 if is_same and verdict not in (s.BETTER, s.WORSE) else 1
 
 
@@ -82,7 +88,7 @@ def find_row(data: Json, words: list[str], path: pathlib.Path) -> Json:
 
 
 def make_run(data: Json, scene: Json, point: Json, yardstick: Json | None, options: argparse.Namespace, folder: pathlib.Path,
-             say: Callable[[str], None], stop: Callable[[], None]) -> SceneRun:
+             host: Host, executor: Here, say: Callable[[str], None], stop: Callable[[], None]) -> SceneRun:
     """The study of two points that the page has of them, without a reference."""
     choice = SceneChoice(scene["file"], scene["camera"], scene["time"], tuple(scene["overlays"]), str(options.file))
     both = [each for each in (yardstick, point) if each is not None]
@@ -92,34 +98,35 @@ def make_run(data: Json, scene: Json, point: Json, yardstick: Json | None, optio
     fields["rounds"] = options.rounds or fields["rounds"]
     if fields["rounds"] < s.FEWEST_ROUNDS:
         raise Error(2, f"error: --rounds {options.rounds}\n  expected: at least {s.FEWEST_ROUNDS}: fewer decide nothing")
-    known = {each.name for each in study_run.definition.dataclasses.fields(Study)}
+    known = {each.name for each in dataclasses.fields(Study)}
     study = Study(**{key: value for key, value in fields.items() if key in known})
-    if options.device is None:
-        options.device = scene["device"]
-    return SceneRun(study, choice, Store(folder), options, folder, Contents(), say, stop, math.inf)
+    return SceneRun(study, choice, Store(folder), options, folder, host, executor, Contents(), say, stop, math.inf)
 
 
 def rendered(run: SceneRun, point: Json, scene: Json) -> np.ndarray:
+    missing = [file for file in (scene["file"], *scene["overlays"], point["graph"])
+               if pathlib.Path(file).is_absolute() and not pathlib.Path(file).exists()]
+    if missing:
+        raise Error(2, f"error: row {point['row']} cannot be rendered: the study was made of {', '.join(missing)}, which is not here")
+    run.identify()
     target = next(each for each in run.study.points if each.name == point["name"])
-    try:
-        for each in run.study.points:
-            run.load(each, each.variant)
-        return run.render_image(target, 0)
-    except Lost as lost:
-        missing = [file for file in (scene["file"], *scene["overlays"], point["graph"])
-                   if pathlib.Path(file).is_absolute() and not pathlib.Path(file).exists()]
-        raise Error(2 if lost.state == "failed" else 4, f"error: row {point['row']} cannot be rendered: {lost}" + (
-            f"\n  help:     the study was made of {', '.join(missing)}, which is not here" if missing else "")) from lost
+    if run.state[target.name][0] == "ok":
+        answer = run.executor.at_place(run.item("part", point=run.told(run.image_of(target.name), target.variant), seed=0))
+        if answer.lost is None:
+            return answer.value["image"]
+        run.state[target.name] = (answer.lost.state, str(answer.lost))
+    state, text = run.state[target.name]
+    raise Error(2 if state == "failed" else 4, f"error: row {point['row']} cannot be rendered: {text}")
 
 
 def say_what_changed(data: Json, scene: Json, run: SceneRun, say: Callable[[str], None]) -> None:
-    now = run.contents.known()
+    now = run.graphs[run.image_of(run.study.points[-1].name)]["expected"]
     changed = [file for file, value in now.items() if file in data["files"] and data["files"][file] != value[:16]]
     other = [file for file in now if file not in data["files"]]
     for what, files in (("are not what they were", changed), ("are none of the study's", other)):
         if files:
             say(f"note: {len(files)} of {len(now)} files {what}: {', '.join(sorted(files)[:5])}" + (", ..." if len(files) > 5 else ""))
-    if run.devices != scene["devices"]:
+    if run.executor.place()["devices"] != scene["devices"]:
         say("note: the devices or drivers are not those of the study; bytes may differ for that")
 
 
@@ -154,18 +161,13 @@ def spell(values: np.ndarray) -> str:
     return "  ".join(f"{value:.9g}" for value in values.tolist())
 
 
-def write_output(options: argparse.Namespace, image: np.ndarray) -> None:
-    with Host(options.device, log=lambda *_: None) as host:
-        host.write_image(options.output, image)
-
-
-def compare_times(data: Json, point: Json, yardstick: Json | None, run: SceneRun, say: Callable[[str], None],
-                  stop: Callable[[], None]) -> str | None:
+def compare_times(data: Json, point: Json, yardstick: Json | None, run: SceneRun, say: Callable[[str], None]) -> str | None:
     """The verdict; None: nothing was compared."""
     scene = data["scenes"][point["scene"]]
     recorded = data["rounds"][point["scene"]]
-    machine = study_run.machine()
-    if machine != data["machine"] or run.devices != scene["devices"]:
+    place = run.executor.place()
+    machine = place["machine"]
+    if machine != data["machine"] or place["devices"] != scene["devices"]:
         say("time: not compared: this is not the study's machine and driver\n  found:    "
             f"{machine}\n  expected: {data['machine']}")
         return None
@@ -173,8 +175,7 @@ def compare_times(data: Json, point: Json, yardstick: Json | None, run: SceneRun
         say("time: not compared: the study timed nothing of this scene")
         return None
     say(f"time: {run.study.rounds} rounds" + (f", in turns with {yardstick['name']}" if yardstick else ""))
-    run.warm_up()
-    with study_run.timing_alone(say, stop):
+    with run.executor.timing():
         run.measure_times()
     values = [s.round_values(each["order"], [float(np.median(turn)) for turn in each["ms"]]) for each in run.rounds]
     lost = [f"{each.name}: {run.state[each.name][1]}" for each in run.study.points if run.state[each.name][0] != "ok"]

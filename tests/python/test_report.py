@@ -15,7 +15,7 @@ import synthetic_study
 from test_study import SMALL, options
 
 import heddle
-from heddle import report, reproduce, study_run
+from heddle import report, reproduce, study_items, study_run
 from heddle import statistics as s
 from heddle import study_images as images
 from heddle.report.verdict import verdict
@@ -24,7 +24,7 @@ from heddle.report.verdict import verdict
 @pytest.fixture(scope="module", autouse=True)
 def lock_of_our_own(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(study_run, "LOCK", tmp_path_factory.mktemp("lock") / "lock")
+        patch.setattr(study_items, "LOCK", tmp_path_factory.mktemp("lock") / "lock")
         yield
 
 
@@ -131,7 +131,7 @@ def test_less_room_means_fewer_bits_then_fewer_pixels(tmp_path, explain, monkeyp
 def test_worst_tiles_are_those_of_the_largest_mean_error(tmp_path, explain):
     kept = synthetic_study.write_study(tmp_path, explain, 2, 1, (100, 70))
     page = report.Page(tmp_path, json.loads((tmp_path / "results.json").read_text()))
-    image, reference = kept[0, "technique01"].copy(), kept[0, study_run.REFERENCE]
+    image, reference = kept[0, "technique01"].copy(), kept[0, study_items.REFERENCE]
     image[64:70, 96:100] += 9  # in a tile of 4 x 6 pixels, at the edge
     image[16:24, 40:48] += 5
     side, tiles = page.worst_tiles(report.Kept("x", "y", "rmse", False), image, reference, 3)
@@ -240,7 +240,7 @@ def test_a_study_leaves_a_page_with_its_numbers_and_images(studied, host):
 
 def test_a_study_that_was_measured_writes_the_same_page_again(studied, monkeypatch):
     before = report.points_of(studied / "report.html")
-    monkeypatch.setattr(study_run.SceneRun, "render_image", lambda *_: 1 // 0)
+    monkeypatch.setattr(study_items.Residents, "image", lambda *_: 1 // 0)
     assert study_run.run_study(options(files=[str(studied.parent / "small.toml")], folder=str(studied)), lambda: None) == 0
     after = report.points_of(studied / "report.html")
     assert {key: value for key, value in after.items() if key not in ("written", "command")} == {
@@ -344,7 +344,7 @@ def test_the_command_reproduces(studied, command):
 
 def made_up_rounds(random, factor=1.0, row=1.0, spread=0.003, rounds=15):
     return [{name: math.log(ms * factor) + spread * random.standard_normal() for name, ms in
-             (("first", 10.0), (study_run.AGAIN, 10.0), ("row", 20.0 * row))} for _ in range(rounds)]
+             (("first", 10.0), (study_items.AGAIN, 10.0), ("row", 20.0 * row))} for _ in range(rounds)]
 
 
 @pytest.mark.parametrize(("factor", "row", "word"), [(1.0, 1.0, s.SAME), (2.5, 1.0, s.SAME), (1.0, 1.1, s.WORSE), (3.0, 0.9, s.BETTER)])
