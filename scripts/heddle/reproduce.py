@@ -90,7 +90,9 @@ def find_row(data: Json, words: list[str], path: pathlib.Path) -> Json:
 def make_run(data: Json, scene: Json, point: Json, yardstick: Json | None, options: argparse.Namespace, folder: pathlib.Path,
              host: Host, executor: Here, say: Callable[[str], None], stop: Callable[[], None]) -> SceneRun:
     """The study of two points that the page has of them, without a reference."""
-    choice = SceneChoice(scene["file"], scene["camera"], scene["time"], tuple(scene["overlays"]), str(options.file))
+    known = {each.name for each in dataclasses.fields(SceneChoice)}
+    choice = SceneChoice(**{key: frozen(value) for key, value in scene["choice"].items() if key in known} | {
+        "where": str(options.file)})
     both = [each for each in (yardstick, point) if each is not None]
     points = tuple(Point(each["variant"], each["graph"], tuple(each["settings"]), tuple((k, v) for k, v in each["knobs"]))
                    for each in both)
@@ -99,12 +101,17 @@ def make_run(data: Json, scene: Json, point: Json, yardstick: Json | None, optio
     if fields["rounds"] < s.FEWEST_ROUNDS:
         raise Error(2, f"error: --rounds {options.rounds}\n  expected: at least {s.FEWEST_ROUNDS}: fewer decide nothing")
     known = {each.name for each in dataclasses.fields(Study)}
-    study = Study(**{key: value for key, value in fields.items() if key in known})
+    study = Study(**{key: frozen(value) for key, value in fields.items() if key in known})
     return SceneRun(study, choice, Store(folder), options, folder, host, executor, Contents(), say, stop, math.inf)
 
 
+def frozen(value: Any) -> Any:
+    """A value of JSON as studies hold it: tuples for lists, all the way down."""
+    return tuple(map(frozen, value)) if isinstance(value, list) else value
+
+
 def rendered(run: SceneRun, point: Json, scene: Json) -> np.ndarray:
-    missing = [file for file in (scene["file"], *scene["overlays"], point["graph"])
+    missing = [file for file in (scene["choice"]["file"], *scene["choice"]["overlays"], point["graph"])
                if pathlib.Path(file).is_absolute() and not pathlib.Path(file).exists()]
     if missing:
         raise Error(2, f"error: row {point['row']} cannot be rendered: the study was made of {', '.join(missing)}, which is not here")

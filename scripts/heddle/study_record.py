@@ -4,6 +4,7 @@ reference, how each frame was planned, and what all of it was made of."""
 
 from __future__ import annotations
 
+import dataclasses
 import pathlib
 import shlex
 import sys
@@ -89,8 +90,8 @@ class Record:
         except Lost:
             devices = []
         return {
-            "scene": run.scene.name, "file": absolute(run.scene.file), "camera": run.scene.camera, "time": run.scene.time,
-            "overlays": [absolute(each) for each in run.scene.overlays], "devices": devices, "device": run.options.device,
+            "scene": run.scene.name, "choice": dataclasses.asdict(run.scene) | {
+                "file": absolute(run.scene.file), "overlays": [absolute(each) for each in run.scene.overlays]}, "devices": devices, "device": run.options.device,
             "reference": None if reference is None else {
                 "graph": absolute(reference.graph) if reference.graph else "", "settings": list(reference.settings),
                 "parts": reference.parts, "files": list(reference.files), "image": self.kept.get(REFERENCE)},

@@ -328,7 +328,7 @@ def test_what_is_missing_or_no_report_is_told(studied, tmp_path, command):
         assert done.returncode == 2 and "is no report of a study" in done.stderr and said in done.stderr
 
     def moved(data):
-        data["scenes"][0]["file"] = "/nowhere/scene.py"
+        data["scenes"][0]["choice"]["file"] = "/nowhere/scene.py"
 
     with pytest.raises(heddle.Error, match="the study was made of /nowhere/scene.py, which is not here"):
         reproduce.reproduce(reproduce_options(changed_page(studied, tmp_path, moved), 1), lambda: None)

@@ -497,7 +497,7 @@ def test_passes_graph_and_memory_are_those_of_the_point(page, study):
 def test_what_leaving_out_saves_stands_beside_a_pass(browser, study, tmp_path):
     shutil.copytree(study.folder, tmp_path / "copy")
     results = json.loads((tmp_path / "copy" / "results.json").read_text())
-    results["leave_one_out"] = [{"scene": "cornell_box view0", "variant": "technique00 steps=2", "pass": "lighting",
+    results["leave_one_out"] = [{"scene": "cornell_box view0", "variant": "technique00", "knobs": "steps=2", "pass": "lighting",
                                  "cost_ms": [0.41, 0.47, 0.52], "own_ms": 0.4}]
     (tmp_path / "copy" / "results.json").write_text(json.dumps(results))
     browser.get(report.write(tmp_path / "copy").as_uri())

@@ -99,7 +99,7 @@ class Page:
         points, scenes = [], []
         for number, made in enumerate(self.made):
             reference = made["reference"]
-            scenes.append({key: made[key] for key in ("scene", "file", "camera", "time", "overlays", "devices", "device")}
+            scenes.append({key: made[key] for key in ("scene", "choice", "devices", "device")}
                           | {"reference": reference, "restless": self.results["restless"].get(made["scene"], [])})
             for point in made["points"]:
                 knobs = " ".join(f"{knob}={value}" for knob, value in point["knobs"])
