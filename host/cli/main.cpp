@@ -34,7 +34,8 @@ int main(int argc, char** argv) {
         heddle::cli::run_in_python(argc, argv);
       }
     }
-    if (argc > 1 && std::string_view(argv[1]) == "study") heddle::cli::run_in_python(argc, argv);
+    constexpr std::array<std::string_view, 3> kMeasures{"study", "tune", "baseline"};
+    if (argc > 1 && std::ranges::find(kMeasures, argv[1]) != kMeasures.end()) heddle::cli::run_in_python(argc, argv);
     heddle::cli::add_run(app, &status);
     heddle::cli::add_compare(app, &status);
     heddle::cli::add_check(app, &status);
@@ -44,6 +45,8 @@ int main(int argc, char** argv) {
     heddle::cli::add_doctor(app, &status);
     heddle::cli::add_new_technique(app);
     heddle::cli::add_study(app);
+    heddle::cli::add_tune(app);
+    heddle::cli::add_baseline(app);
     heddle::cli::add_bench(app);
     heddle::cli::add_schema(app, &status);
     heddle::cli::add_completion(app, &status);

@@ -193,10 +193,14 @@ class SceneRun:
         self.deadline = deadline  # of time.monotonic(): the study's budget ends
         path = scene_path(scene.file)
         self.described = {"file": portable(path or scene.file), "camera": scene.camera, "time": scene.time,
-                          "overlays": [portable(each) for each in scene.overlays]}
+                          "overlays": [portable(each) for each in scene.overlays],
+                          "arguments": [list(each) for each in scene.arguments]}
         self.state: dict[str, tuple[str, str]] = {point.name: ("ok", "") for point in study.points}
         self.graphs: dict[str, dict] = {}  # what items are told of points
         self.keys: dict[str, str] = {}  # what a point's images depend on, beside the machine
+        self.scene_files: list[str] = []
+        self.pixels: dict[str, int] = {}  # of a point's frame
+        self.standing: dict[str, dict] = {}  # all parameters of the study's pass, as a point has them
         self.warm: dict[str, dict] = {}
         self.measured: dict[str, dict] = {}  # profile() of points
         self.errors: dict[str, dict] = {}
@@ -223,7 +227,7 @@ class SceneRun:
     def identify(self) -> None:
         """What goes into every point, from its files; renders nothing."""
         try:
-            made, _, scene_files = open_scene(self.host, {**self.described, "file": own(self.described["file"]),
+            made, _, self.scene_files = open_scene(self.host, {**self.described, "file": own(self.described["file"]),
                                                           "overlays": list(self.scene.overlays)})
             made.close()
         except Error as error:
@@ -231,32 +235,38 @@ class SceneRun:
                         + str(error).replace("\n", "\n    ")) from error
         for point in self.study.points:
             try:
-                self.identify_one(point.name, point.graph, point.settings, scene_files, None)
+                self.identify_one(point.name, point.graph, point.settings)
                 if self.study.function_image is not None:
-                    self.identify_one(self.image_of(point.name), point.graph, point.settings, scene_files, self.study.pass_name)
+                    self.identify_one(self.image_of(point.name), point.graph, point.settings, self.study.pass_name)
             except Error as error:
                 self.lose(point.name, Lost("failed", str(error)))
         if (reference := self.study.reference) is not None and not reference.files:
-            self.identify_one(REFERENCE, reference.graph, reference.settings, scene_files, self.study.pass_name)
+            self.identify_one(REFERENCE, reference.graph, reference.settings, self.study.pass_name)
         self.check_alive()
 
-    def identify_one(self, name: str, graph: str, settings: Sequence[str], scene_files: Sequence[str],
-                     asked: str | None) -> None:
-        """asked: of a graph that is not timed the pass whose answers become an image, where the study has such a role."""
+    def identify_one(self, name: str, graph: str, settings: Sequence[str], asked: str | None = None,
+                     keep: str | None = None) -> None:
+        """asked: of a graph that is not timed the pass whose answers become an image, where the study has such a role.
+        keep: another port than the study's. raises: Error"""
         adds = None
         if self.study.function_image is not None and asked is not None:
             adds = definition.with_function_image(self.host, graph, settings, self.study.function_image, asked)
         # What is timed makes the port only if it is the graph's own.
-        keep = self.study.port if adds is not None or self.study.function_image is None else None
+        if keep is None and (adds is not None or self.study.function_image is None):
+            keep = self.study.port
         with open_graph(self.host, definition.absolute(graph) if adds else graph, settings, adds) as made:
             if keep is not None:
                 made.keep(keep)
             files = [file for file in made.files() if pathlib.Path(file).is_absolute() or pathlib.Path(file).exists()]
-        expected = self.contents.of([*files, *scene_files])
+            described = made.describe()
+        self.pixels[name] = described["extent"][0] * described["extent"][1]
+        self.standing[name] = next((each.get("parameters", {}) for each in described["passes"]
+                                    if each["name"] == self.study.pass_name), {})
+        expected = self.contents.of([*files, *self.scene_files])
         self.graphs[name] = {"graph": portable(graph) if pathlib.Path(graph).is_file() else graph, "settings": list(settings),
                              "expected": expected, "keep": keep, "adds": adds}
         self.keys[name] = digest("image", [content for _, content in sorted(expected.items())], settings, adds,
-                                 self.scene.camera, self.scene.time, self.study.port, self.study.settle)
+                                 self.scene.camera, self.scene.time, self.scene.arguments, self.study.port, self.study.settle)
 
     def image_of(self, name: str) -> str:
         """The name under which a point's image is made: another graph's, where the point's own has none."""
@@ -275,6 +285,17 @@ class SceneRun:
     def item(self, do: str, **more: Any) -> dict:
         return {"do": do, "scene": self.described, "device": self.options.device, "timeout": self.options.timeout,
                 "port": self.study.port, "settle": self.study.settle} | more
+
+    def ask(self, point: Point, request: str, **arguments: Any) -> dict | None:
+        """What study_worker.py says of a point where it is timed; None if it is lost by now."""
+        while self.state[point.name][0] == "ok":
+            with contextlib.suppress(Moved):
+                answer = self.executor.at_place(self.item("ask", point=self.told(point.name, point.variant), request=request,
+                                                          arguments=arguments))
+                if answer.lost is None:
+                    return answer.value
+                self.lose(point.name, answer.lost)
+        return None
 
     # Warm-up and what it will take
 
@@ -501,7 +522,7 @@ def duration(seconds: float) -> str:
 
 COLUMNS = ["study", "scene", "variant", "knobs", "state", "quantity", "unit", "value", "low", "high", "confidence", "samples",
            "against", "verdict", "difference", "difference_low", "difference_high", "floor", "smallest_seen", "is_on_front",
-           "formula", "note", "machine"]
+           "formula", "note", "machine", "dominated_by"]
 
 
 MEMORY = {
@@ -647,6 +668,13 @@ def mark_front(rows: list[dict], metric: str) -> None:
             errors[key]["is_on_front"] = not beaten
 
 
+def mark_dominated(rows: list[dict], found: list[dict], metric: str) -> None:
+    by = {(each["scene"], each["variant"], each["knobs"]): each["by"] for each in found}
+    for row in rows:
+        if row["quantity"] == metric and (row["scene"], row["variant"], row["knobs"]) in by:
+            row["dominated_by"] = by[row["scene"], row["variant"], row["knobs"]]
+
+
 def write_table(folder: pathlib.Path, rows: list[dict], report: dict) -> None:
     text = io.StringIO()
     table = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
@@ -692,14 +720,14 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
 
     with Host(options.device, log=lambda *_: None) as host:
         if options.role is not None:
-            if not options.files:
+            if not options.files and not options.scene:
                 raise Error(2, "error: --role needs a scene\n  help:     heddle study --role ambient_occlusion atrium.py")
-            study = definition.of_role(host, options.role, options.files, options.set)
+            study = definition.of_role(host, options.role, [*options.files, *options.scene], options.set, options.climb)
         elif len(options.files) != 1 or options.set:
             raise Error(2, "error: heddle study takes one study file, or --role ROLE with scenes\n  found:    "
                            f"{len(options.files)} files" + (" and --set" if options.set else ""))
         else:
-            study = definition.read(host, options.files[0])
+            study = definition.read(host, options.files[0], options.scene)
         return measure_study(options, host, study, say, stop)
 
 
@@ -724,16 +752,24 @@ def measure_study(options: argparse.Namespace, host: Host, study: Study, say: Ca
                              "  help:     --folder says where they go") from error
     executor = executor_of(options, folder, say, stop)
     try:
-        rows, restless = measure_scenes(study, options, folder, store, contents, host, executor, say, stop)
+        rows, restless, more = measure_scenes(study, options, folder, store, contents, host, executor, say, stop)
     finally:
         executor.close()
-    from . import study_chart
+    # They build on this module, and import it.
+    from . import cost_model, domination, leave_one_out, study_chart
 
     chart = study_chart.draw(study, rows, folder)
     print_summary(study, rows, restless)
+    domination.print_list(more["dominated"], study.metrics[0])
+    leave_one_out.print_table(more["leave_one_out"])
+    cost_model.print_models(more["cost_models"])
     for name in ("results.csv", "results.json"):
         say(f"wrote {folder / name}")
-    say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
+    over = study_chart.draw_over_scenes(study, rows, folder)
+    if over:
+        say(f"wrote {over}")
+    if chart or not over:
+        say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
     return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
 
 
@@ -748,8 +784,12 @@ def executor_of(options: argparse.Namespace, folder: pathlib.Path, say: Callable
 
 
 def measure_scenes(study: Study, options: argparse.Namespace, folder: pathlib.Path, store: Store, contents: Contents, host: Host,
-                   executor: Here, say: Callable[[str], None], stop: Callable[[], None]) -> tuple[list[dict], dict[str, list[str]]]:
-    """All rows, and what speaks against the machine by scene. The tables are written after each scene."""
+                   executor: Here, say: Callable[[str], None], stop: Callable[[], None]
+                   ) -> tuple[list[dict], dict[str, list[str]], dict[str, list[dict]]]:
+    """All rows, what speaks against the machine by scene, and measure_more(). The tables are written after each scene."""
+    from . import leave_one_out
+
+    more: dict[str, list[dict]] = {}
     rows: list[dict] = []
     restless: dict[str, list[str]] = {}
     begun = time.monotonic()
@@ -765,16 +805,28 @@ def measure_scenes(study: Study, options: argparse.Namespace, folder: pathlib.Pa
         with executor.timing():
             run.measure_times()
             run.measure_passes()
+            found = measure_more(run)
         own_rows, restless[scene.name] = rows_of(run)
-        rows += own_rows
+        rows += own_rows + leave_one_out.table_rows(study.name, found["leave_one_out"])
         mark_front(rows, study.metrics[0])
+        mark_dominated(rows, found["dominated"], study.metrics[0])
+        for key, each in found.items():
+            more.setdefault(key, []).extend(each)
         machines = executor.machines()
         used = {row["machine"] for row in rows if row.get("machine")}
         report = {"study": dataclasses.asdict(study), "heddle": version(), "machine": executor.place()["machine"],
                   "machines": {each["id"]: each for each in machines if each["id"] in used},
-                  "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER}
+                  "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER} | more
         write_table(folder, finite(rows), report)
-    return rows, restless
+    return rows, restless, more
+
+
+def measure_more(run: SceneRun) -> dict[str, list[dict]]:
+    """What results.json has beside its rows, each key with a list that the study's scenes add to."""
+    from . import cost_model, domination, leave_one_out
+
+    return {"leave_one_out": leave_one_out.measure(run), "cost_models": cost_model.measure(run),
+            "dominated": domination.measure(run)}
 
 
 def gate(rows: list[dict]) -> int:

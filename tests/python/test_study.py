@@ -22,7 +22,7 @@ from heddle import study as definition
 from heddle import study_items, study_run
 
 SMALL = """\
-title = "Small"
+leave_one_out = []
 role = "ambient_occlusion"
 graph = "studio"
 set = ["extent=[32,18]"]
@@ -49,7 +49,7 @@ parts = 4
 
 def options(**given):
     known = {"files": [], "role": None, "set": [], "folder": None, "device": None, "rounds": None, "budget": None,
-             "timeout": 120.0, "cluster": None, "dry_run": False, "gate": False, "quiet": True}
+             "timeout": 120.0, "cluster": None, "scene": [], "climb": "together", "dry_run": False, "gate": False, "quiet": True}
     return argparse.Namespace(**(known | given))
 
 
@@ -185,6 +185,7 @@ def test_a_role_without_an_image_asks_for_a_port(host, tmp_path):
 
 
 SHADOWS = """\
+leave_one_out = []
 role = "shadow"
 set = ["extent=[48,27]"]
 rounds = 7
