@@ -18,6 +18,7 @@ import json
 import math
 import os
 import pathlib
+import shlex
 import sys
 import time
 import traceback
@@ -29,6 +30,7 @@ import numpy as np
 from . import Error, Host, metrics, version
 from . import statistics as s
 from . import study as definition
+from . import study_images as images
 from .__main__ import scene_path
 from ._library import CANCELLED
 from .study import Point, SceneChoice, Study, slug
@@ -207,6 +209,8 @@ class SceneRun:
         self.rounds: list[dict] = []
         self.foreign: float | None = None  # share of the processors that other programs used while rounds were timed
         self.changing: dict[str, int] = {}  # frames of the warm-up of points that were still changing after them
+        self.kept: dict[str, str] = {}  # keys of images.load(): the first seed of points, and REFERENCE
+        self.explained: dict[str, str] = {}  # keys of the store: how points' frames were planned
         self.machine = ""  # id of the one that timed
 
     @property
@@ -411,6 +415,9 @@ class SceneRun:
         truth = {"whole": whole, "without": [((total - part) / (len(parts) - 1)).astype(np.float32) for part in stack]
                  if len(parts) > 1 else []}
         write_image(self.folder / f"reference_{slug(self.scene.name)}.npy", whole)
+        self.kept[REFERENCE] = digest("kept", images.fingerprint(whole))
+        if images.head_of(self.folder, self.kept[REFERENCE]) is None:
+            images.keep(self.folder, self.kept[REFERENCE], whole)
         known = digest(hashlib.sha256(whole.tobytes()).hexdigest(), len(parts), self.study.metrics, self.study.exposures,
                        self.study.tone_mapper, SEEDS)
         todo = []
@@ -419,6 +426,7 @@ class SceneRun:
             found = [each for each in found if each is not None]
             if found:
                 self.errors[point.name] = found[0]
+                self.keep_image(point, found[0]["machine"])
             else:
                 todo.append(point)
         items = [self.item("errors", point=self.told(self.image_of(point.name), point.variant), metrics=list(self.study.metrics), exposures=self.study.exposures,
@@ -428,9 +436,29 @@ class SceneRun:
             if answer.lost is not None:
                 self.lose(point.name, answer.lost)
                 continue
+            self.keep_image(point, answer.machine, answer.value.pop("image"))
             self.errors[point.name] = answer.value | {"machine": answer.machine}
             self.store.put(self.errors_key(point, known, answer.machine), self.errors[point.name])
             self.store.put(self.images_key(point, answer.machine), {"point": point.name})
+
+    def keep_image(self, point: Point, machine: str, image: np.ndarray | None = None) -> None:
+        """Of the first seed, for the report. A study of before reports has errors without it: then it is rendered again."""
+        key = self.kept[point.name] = digest("kept", self.keys[self.image_of(point.name)], machine)
+        if images.head_of(self.folder, key) is not None:
+            return
+        if image is None:
+            image = self.render_image(point, 0)
+        if image is not None:
+            images.keep(self.folder, key, image)
+
+    def render_image(self, point: Point, seed: int) -> np.ndarray | None:
+        """None if the point is lost by that."""
+        item = self.item("part", point=self.told(self.image_of(point.name), point.variant), seed=seed)
+        for _, answer in self.executor.run([item]):
+            if answer.lost is None:
+                return answer.value["image"]
+            self.lose(point.name, answer.lost)
+        return None
 
     def errors_key(self, point: Point, reference: str, machine: str) -> str:
         return digest("errors", self.keys[self.image_of(point.name)], machine, reference)
@@ -474,6 +502,9 @@ class SceneRun:
                     found = answer.value | {"machine": answer.machine}
                     self.store.put(key, found)
                 self.measured[point.name] = found
+            key = self.explained[point.name] = digest("explain", self.keys[point.name])
+            if self.store.get(key) is None and (explained := self.ask(point, "explain")) is not None:
+                self.store.put(key, explained["explain"])
 
     def measure_times(self) -> None:
         """Rounds of turns. A point that is lost on the way leaves; what it and the others finished stays."""
@@ -608,6 +639,39 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
                 more = unmeasured(run, point, baseline, metric)
             row(point, metric, "1", interval, len(errors), formula=formula, machine=by, **more)
     return rows, restless
+
+
+def made_by(run: SceneRun) -> dict:
+    """What made a scene's numbers: enough to make any of them again, and to show its image and its frame."""
+    reference = run.study.reference
+    values = [s.round_values(each["order"], [float(np.median(turn)) for turn in each["ms"]]) for each in run.rounds]
+    return {
+        "scene": run.scene.name, "file": absolute(run.scene.file), "camera": run.scene.camera, "time": run.scene.time,
+        "overlays": [absolute(each) for each in run.scene.overlays], "devices": run.executor.place()["devices"],
+        "arguments": [list(each) for each in run.scene.arguments], "device": run.options.device,
+        "reference": None if reference is None else {
+            "graph": absolute(reference.graph), "settings": list(reference.settings), "parts": reference.parts,
+            "image": run.kept.get(REFERENCE)},
+        "points": [{
+            "name": point.name, "variant": point.variant, "knobs": [list(each) for each in point.knobs],
+            "graph": absolute(point.graph), "settings": list(point.settings), "image": run.kept.get(point.name),
+            "explained": run.explained.get(point.name),
+            "device": run.measured.get(point.name, {}).get("device"),
+        } for point in run.study.points],
+        # Of each round the mean logarithm of milliseconds; the first point takes part twice.
+        "rounds": [{name: round(value, 7) for name, value in each.items()} for each in values],
+    }
+
+
+def absolute(file: str) -> str:
+    """A file's whole path; what comes with Heddle goes by its name."""
+    path = pathlib.Path(file)
+    return str(path.resolve()) if path.exists() else file
+
+
+def command_line() -> str:
+    """What was typed, as near as Python knows."""
+    return shlex.join(["heddle", *sys.argv[1:]] if sys.argv[1:2] == ["study"] else ["heddle", "study"])
 
 
 def is_finite(found: dict, metric: str) -> bool:
@@ -757,6 +821,7 @@ def measure_study(options: argparse.Namespace, host: Host, study: Study, say: Ca
         executor.close()
     # They build on this module, and import it.
     from . import cost_model, domination, leave_one_out, study_chart
+    from . import report as page
 
     chart = study_chart.draw(study, rows, folder)
     print_summary(study, rows, restless)
@@ -770,6 +835,7 @@ def measure_study(options: argparse.Namespace, host: Host, study: Study, say: Ca
         say(f"wrote {over}")
     if chart or not over:
         say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
+    say(f"wrote {page.write(folder)}")
     return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
 
 
@@ -790,6 +856,7 @@ def measure_scenes(study: Study, options: argparse.Namespace, folder: pathlib.Pa
     from . import leave_one_out
 
     more: dict[str, list[dict]] = {}
+    made: list[dict] = []
     rows: list[dict] = []
     restless: dict[str, list[str]] = {}
     begun = time.monotonic()
@@ -812,11 +879,13 @@ def measure_scenes(study: Study, options: argparse.Namespace, folder: pathlib.Pa
         mark_dominated(rows, found["dominated"], study.metrics[0])
         for key, each in found.items():
             more.setdefault(key, []).extend(each)
+        made.append(made_by(run))
         machines = executor.machines()
         used = {row["machine"] for row in rows if row.get("machine")}
         report = {"study": dataclasses.asdict(study), "heddle": version(), "machine": executor.place()["machine"],
                   "machines": {each["id"]: each for each in machines if each["id"] in used},
-                  "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER} | more
+                  "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER,
+                  "command": command_line(), "made_by": made, "files": contents.known()} | more
         write_table(folder, finite(rows), report)
     return rows, restless, more
 

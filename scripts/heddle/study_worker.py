@@ -142,6 +142,11 @@ class Worker:
             raise
         return {"shape": pixels.shape}
 
+    def explain(self, point: str) -> dict:
+        """How a frame is planned: its passes, which of them were dropped and why, what they read and write, memory."""
+        self.graphs[point].render(self._scene(), time=self.time, anew=True)
+        return {"explain": json.loads(self.graphs[point].explain("json"))}
+
     def forget(self, point: str) -> dict:
         self.graphs.pop(point).close()
         return {}
