@@ -73,7 +73,7 @@ def perform(item: dict, is_timed: bool, asked_by: dict, truth: dict | None = Non
         owner = "times" if is_timed else threading.get_ident()
         residents = _take(owner, item, is_timed)
         try:
-            with timing_alone(say, lambda: None) if item["do"] in ("round", "profile") else contextlib.nullcontext():
+            with timing_alone(say, residents.check_open) if item["do"] in ("round", "profile") else contextlib.nullcontext():
                 answer["value"] = residents.do(item, truth)
         finally:
             _give_back(owner)

@@ -289,13 +289,20 @@ class Residents:
         self._files: dict[str, list[str]] = {}  # of the scene, by variant
         self._loaded: dict[tuple[str, str], None] = {}  # (variant, point)
         self.warm: dict[tuple[str, str], dict] = {}
+        self._is_closed = False
 
     def do(self, item: Mapping[str, Any], truth: Mapping[str, Any] | None = None) -> Any:
         """raises: Lost, which names the point; Refused; OSError"""
         self.stop()
         return getattr(self, item["do"])(item, *([truth] if truth is not None else []))
 
+    def check_open(self) -> None:
+        """raises: Refused after close(), which another thread may call"""
+        if self._is_closed:
+            raise Refused("the study has ended meanwhile")
+
     def close(self) -> None:
+        self._is_closed = True
         for worker in list(self.workers.values()):
             worker.process.kill()  # all of them, before any is waited for: they give back much memory
         for owner in list(self.workers):
@@ -328,6 +335,7 @@ class Residents:
 
     def load(self, item: Mapping[str, Any], point: Mapping[str, Any]) -> None:
         """A point's graph in its variant's process, with the scene, both made of what the item expects."""
+        self.check_open()
         owner = point["owner"]
         with self._losing(point):
             if owner not in self.workers:

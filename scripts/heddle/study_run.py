@@ -314,6 +314,8 @@ class SceneRun:
                         self.lose(point.name, answer.lost)
                     else:
                         self.warm[point.name] = answer.value
+                        # Of those that are known by now: hours are said before the others have warmed up for hours.
+                        self.check_budget(self.estimate_seconds(), "at least")
         self.check_alive()
         self.say(f"{self.scene.name}: {len(due)} of {len(self.study.points)} points are to be measured")
 
@@ -345,10 +347,10 @@ class SceneRun:
                 seconds += SEEDS * self.study.settle * frame.get(point.name, 0.0) / self.executor.width
         return seconds
 
-    def check_budget(self, rest: float) -> None:
+    def check_budget(self, rest: float, how: str = "about") -> None:
         """Before anything is timed: a study that would take longer than it may says so now."""
         if time.monotonic() + rest > self.deadline:
-            raise Error(2, f"error: this study would take about {duration(rest)} more; its budget is "
+            raise Error(2, f"error: this study would take {how} {duration(rest)} more; its budget is "
                            f"{self.study.budget_minutes:g} min\n  help:     --budget MINUTES; or fewer rounds, frames, scenes or "
                            "values of knobs, smaller images, a cheaper reference. What was measured is kept")
 

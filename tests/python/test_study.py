@@ -485,10 +485,33 @@ def test_a_scene_of_which_nothing_can_be_rendered_is_said_at_its_line(tmp_path, 
         run(tmp_path)
 
 
-def test_a_study_beyond_its_budget_says_so_before_it_times_anything(tmp_path):
-    with pytest.raises(heddle.Error, match="this study would take about .* more; its budget is 0.001 min"):
+def test_a_study_beyond_its_budget_says_so_before_it_times_anything(tmp_path, monkeypatch):
+    asked, ask = [], study_items.Worker.ask
+    monkeypatch.setattr(study_items.Worker, "ask", lambda self, do, **a: asked.append((do, a.get("point"))) or ask(self, do, **a))
+    with pytest.raises(heddle.Error, match="this study would take at least .* more; its budget is 0.001 min") as raised:
         run(tmp_path, budget=0.001)
-    assert not list((tmp_path / "out" / "measured").glob("*.jsonl"))
+    assert raised.value.status == 2 and not list((tmp_path / "out" / "measured").glob("*.jsonl"))
+    assert {name for do, name in asked if do == "render"} == {"few"}  # the first point's frames were enough to know
+
+
+def test_the_estimate_is_of_what_is_not_measured_yet(host, tmp_path):
+    study = definition.read(host, written(tmp_path, SMALL))  # 7 rounds of 1 + 1 frames, twice; 1 frame settles
+    machine = argparse.Namespace(place=lambda: {"id": "m"}, machines=lambda: [{"id": "m"}], width=1)
+    scene = study_run.SceneRun(study, study.scenes[0], study_run.Store(tmp_path), options(), tmp_path, host, machine,
+                               study_items.Contents(), print, lambda: None, 0.0)
+    scene.keys = {point.name: point.name for point in study.points}
+    scene.warm = {point.name: {"ms": 1000.0 * (i + 1)} for i, point in enumerate(study.points)}
+    profiles, images = study_items.PROFILED_FRAMES + 1, study_items.SEEDS
+    assert scene.estimate_seconds() == 7 * 2 * 2 * (2 * 1 + 2 + 3) + (profiles + images) * (1 + 2 + 3)
+    few, again, one = "few", study_items.AGAIN, "rays samples=1"
+    for number in range(7):  # two of three are timed
+        scene.store.append(scene.times_key(), {"round": number, "order": [few, again, one], "ms": [[1.0]] * 3,
+                                               "keys": {few: few, again: few, one: one}})
+    scene.store.put(scene.profile_key(study.points[2]), {})
+    scene.store.put(scene.images_key(study.points[2], "m"), {})
+    assert scene.estimate_seconds() == 7 * 2 * 2 * (2 * 1 + 3) + (profiles + images) * (1 + 2)
+    machine.width = 4
+    assert scene.estimate_seconds() == 7 * 2 * 2 * (2 * 1 + 3) + (profiles + images / 4) * (1 + 2)
 
 
 def test_one_study_times_at_once(tmp_path):

@@ -9,7 +9,8 @@ using namespace rendering;
 constexpr std::uint32_t kSize = 48;
 
 /// `shadows`: TOML of passes of role shadow; `asked`: which of them the image is of.
-std::string shadow_text(const std::string& shadows, const std::string& asked, const std::string& output = "shown.image") {
+std::string shadow_text(const std::string& shadows, const std::string& asked,
+                        const std::string& output = "shown.image") {
   return "extent = [48, 48]\noutput = \"" + output +
          "\"\n[[pass]]\nrole = \"gbuffer\"\ntechnique = \"raster\"\nparams.precision = \"float32\"\n" + shadows +
          "[[pass]]\nname = \"material\"\nrole = \"surface_material\"\ntechnique = \"ggx\"\n"

@@ -309,12 +309,12 @@ TEST_F(Generated, FoldersHoldWhatTheStyleAsksFor) {
 TEST(NewTechnique, RefusesAnUnknownRole) {
   const Ran ran = new_technique("shadwo soft --folder /nowhere");
   EXPECT_EQ(ran.status, HEDDLE_BAD_INPUT);
-  EXPECT_EQ(
-      ran.output,
-      "error: there is no role 'shadwo'\n"
-      "  expected: one of ambient_occlusion, antialiasing, display, function_image, gbuffer, light_assignment, light_count, lighting, "
-      "shadow, sky, subdivision, surface_material, transparency\n"
-      "  help:     a new role begins with a role.toml in a folder of its own\n");
+  EXPECT_EQ(ran.output,
+            "error: there is no role 'shadwo'\n"
+            "  expected: one of ambient_occlusion, antialiasing, display, function_image, gbuffer, light_assignment, "
+            "light_count, "
+            "lighting, shadow, sky, subdivision, surface_material, transparency\n"
+            "  help:     a new role begins with a role.toml in a folder of its own\n");
 }
 
 TEST(NewTechnique, HasNoTemplateForRolesThatMakeSurfaces) {
