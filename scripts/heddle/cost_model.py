@@ -30,6 +30,7 @@ from .study import Point, extent_setting
 from .study_run import SceneRun
 
 FITS_WITHIN = 0.10  # root mean square of the relative errors of left-out points, up to which a model is said to fit
+KIND = "frames at other extents"
 ROUNDS = 7  # at other extents: medians, no verdicts
 
 
@@ -168,7 +169,7 @@ def measure(run: SceneRun) -> list[dict[str, Any]]:
     points = [point for point in run.alive() if point.knobs]
     sides = [at_extent(point, extent) for point in points for extent in run.study.extents]
     # Beside a point of the study, so that a later run finds the same rounds whichever variants it has.
-    rounds, lost = side_times.measure(run, "frames at other extents", [], sides, [None] * len(sides), ROUNDS) \
+    rounds, lost = side_times.measure(run, KIND, [], sides, [None] * len(sides), ROUNDS) \
         if sides else ([], {})
     for name, why in lost.items():
         run.say(f"{run.scene.name}: {name}: {why}")
@@ -178,6 +179,14 @@ def measure(run: SceneRun) -> list[dict[str, Any]]:
         if samples:
             found.append(describe(run.scene.name, variant, samples))
     return found
+
+
+def estimate_seconds(run: SceneRun) -> float:
+    """Of frames at other extents that are not measured yet, taken to be as slow as their pixels are many."""
+    points = [point for point in run.alive() if point.knobs and point.name in run.warm]
+    frame = sum(run.warm[point.name]["ms"] / 1e3 * extent[0] * extent[1] / run.pixels[point.name]
+                for point in points for extent in run.study.extents)
+    return side_times.seconds_of(run, KIND, [], ROUNDS, frame) if frame else 0.0
 
 
 def at_extent(point: Point, extent: tuple[int, int]) -> Point:

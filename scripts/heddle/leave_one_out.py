@@ -26,12 +26,22 @@ def measure(run: SceneRun) -> list[dict[str, Any]]:
     cost_ms: frame's time with the pass minus without, paired round by round (statistics.difference)
     own_ms:  median of the pass alone, submitted and waited for; None if it only answers functions
     """
-    rows = []
-    for variant in run.study.leave_one_out:
-        base = next((point for point in run.alive() if point.variant == variant), None)
-        if base is not None:
-            rows += of_point(run, base)
-    return rows
+    return [row for base in bases(run) for row in of_point(run, base)]
+
+
+def bases(run: SceneRun) -> list[Point]:
+    first = (next((point for point in run.alive() if point.variant == variant), None) for variant in run.study.leave_one_out)
+    return [point for point in first if point is not None]
+
+
+def estimate_seconds(run: SceneRun) -> float:
+    """Of what is not measured yet; a frame without a pass is taken to be as slow as with it."""
+    return sum(side_times.seconds_of(run, kind_of(base), [base], run.study.rounds, (run.passes[base.name] + 1) *
+                                     run.warm[base.name]["ms"] / 1e3) for base in bases(run) if base.name in run.warm)
+
+
+def kind_of(base: Point) -> str:
+    return f"leaving out each pass of {base.name}"
 
 
 def of_point(run: SceneRun, base: Point) -> list[dict[str, Any]]:
@@ -45,7 +55,7 @@ def of_point(run: SceneRun, base: Point) -> list[dict[str, Any]]:
     running = [each for each in made["passes"] if not each["is_pruned"] and each["technique"] != "none"]
     sides = [without(base, each["name"]) for each in running]
     keeps = [made["output"] if run.study.port.startswith(f"{each['name']}.") else None for each in running]
-    rounds, lost = side_times.measure(run, f"leaving out each pass of {base.name}", [base], sides, keeps, run.study.rounds)
+    rounds, lost = side_times.measure(run, kind_of(base), [base], sides, keeps, run.study.rounds)
     own = run.measured.get(base.name, {}).get("passes", {})
     return [row_of(run, base, each, side, rounds, lost.get(side.name), own.get(each["name"]))
             for each, side in zip(running, sides)]

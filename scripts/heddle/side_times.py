@@ -50,7 +50,22 @@ def measure(run: SceneRun, kind: str, points: Sequence[Point], sides: Sequence[P
         for side in there:
             with contextlib.suppress(Moved):
                 run.executor.at_place(run.item("forget", point=run.told(side.name, side.variant)))
+    if len(finished()) >= rounds or not there:
+        run.store.put(done_key(run, kind, points, rounds), {"kind": kind})
     return [mean_of_turns(each["order"], each["ms"]) for each in finished()], lost
+
+
+def done_key(run: SceneRun, kind: str, points: Sequence[Point], rounds: int) -> str:
+    """Of a note that all was timed, for estimates: what sides are is known only once they are loaded."""
+    return digest("side done", kind, [run.keys[point.name] for point in points or run.study.points if point.name in run.keys],
+                  run.study.extents, rounds, run.executor.place()["id"], run.study.frames)
+
+
+def seconds_of(run: SceneRun, kind: str, points: Sequence[Point], rounds: int, frame: float) -> float:
+    """What all rounds take, `frame` seconds for each of everybody; 0 if that was measured."""
+    if run.store.get(done_key(run, kind, points, rounds)) is not None:
+        return 0.0
+    return frame * (rounds * 2 * (run.study.frames + 1) + 12)
 
 
 def in_short(text: str) -> str:
@@ -64,7 +79,7 @@ def is_affordable(run: SceneRun, kind: str, points: Sequence[Point], sides: Sequ
     for point in run.study.points:
         first.setdefault(point.variant, frame.get(point.name, 0.0))
     each = sum(frame.get(point.name, 0.0) for point in points) + sum(first.get(side.variant, 0.0) for side in sides)
-    seconds = each * (rounds * 2 * (run.study.frames + 1) + 12)
+    seconds = seconds_of(run, kind, points, rounds, each)
     if time.monotonic() + seconds > run.deadline:
         run.say(f"{run.scene.name}: no time is left for {kind}, about {duration(seconds)}; --budget MINUTES makes room")
         return False

@@ -17,13 +17,8 @@ COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#00
 MARKERS = "osD^vP*X"
 
 
-def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path | None:
-    """FOLDER/error_over_time.png, a row of axes for each scene: over the frame's time, and over the pass's. None without
-    matplotlib, or if there is nothing that could be drawn; then an earlier run's is removed, which would not be this one's."""
-    file = folder / "error_over_time.png"
-    if not is_any_drawn(study, rows):
-        file.unlink(missing_ok=True)
-        return None
+def pyplot():
+    """matplotlib for files, without a screen; None if it is not installed."""
     try:
         import matplotlib
 
@@ -31,10 +26,37 @@ def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path |
         import matplotlib.pyplot as plt
     except ImportError:
         return None
-    metric = study.metrics[0]
+    return plt
+
+
+def save(plt, figure, file: pathlib.Path) -> pathlib.Path:
+    """Whole or not there."""
+    partial = file.with_name(f".{file.stem}.partial.png")
+    figure.savefig(partial, dpi=130)
+    plt.close(figure)
+    partial.replace(file)
+    return file
+
+
+def times_of(study: Study) -> list[tuple[str, str]]:
+    """(quantity of rows, what an axis calls it): the frame's time, and a pass's own."""
     times = [("frame", "frame, submission to fence [ms]")]
     if (shown := study.chart_pass or study.pass_name) is not None:
         times.append((f"pass {shown}", f"pass '{shown}' alone [ms]"))
+    return times
+
+
+def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path | None:
+    """FOLDER/error_over_time.png, a row of axes for each scene: over the frame's time, and over the pass's. None without
+    matplotlib, or if there is nothing that could be drawn; then an earlier run's is removed, which would not be this one's."""
+    file = folder / "error_over_time.png"
+    if not is_any_drawn(study, rows):
+        file.unlink(missing_ok=True)
+        return None
+    if (plt := pyplot()) is None:
+        return None
+    metric = study.metrics[0]
+    times = times_of(study)
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     figure, all_axes = plt.subplots(len(scenes), len(times), squeeze=False, layout="constrained",
                                     figsize=(6.2 * len(times), 4.6 * len(scenes)))
@@ -45,12 +67,8 @@ def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path |
         all_axes[i][0].set_ylabel(f"{metric} of {study.port} against the reference")
         if all_axes[i][0].get_legend_handles_labels()[0]:
             all_axes[i][0].legend(fontsize=7)
-    figure.suptitle(study.title)
-    partial = folder / f".error_over_time.partial.png"
-    figure.savefig(partial, dpi=130)
-    plt.close(figure)
-    partial.replace(file)
-    return file
+    figure.suptitle(f"{study.title}\nmedians with 95 % intervals", fontsize=11)
+    return save(plt, figure, file)
 
 
 def arguments_of(study: Study) -> tuple[str, dict[str, float]] | None:
@@ -75,17 +93,10 @@ def draw_over_scenes(study: Study, rows: list[dict], folder: pathlib.Path) -> pa
     if found is None or not any(row["quantity"] == "frame" and row.get("value") for row in rows):
         file.unlink(missing_ok=True)
         return None
-    try:
-        import matplotlib
-
-        matplotlib.use("Agg")
-        import matplotlib.pyplot as plt
-    except ImportError:
+    if (plt := pyplot()) is None:
         return None
     name, values = found
-    times = [("frame", "frame, submission to fence [ms]")]
-    if (shown := study.chart_pass or study.pass_name) is not None:
-        times.append((f"pass {shown}", f"pass '{shown}' alone [ms]"))
+    times = times_of(study)
     figure, all_axes = plt.subplots(1, len(times), squeeze=False, layout="constrained", figsize=(5.6 * len(times), 4.4))
     for axes, (quantity, label) in zip(all_axes[0], times):
         for number, point in enumerate(study.points):
@@ -105,11 +116,7 @@ def draw_over_scenes(study: Study, rows: list[dict], folder: pathlib.Path) -> pa
         axes.grid(True, which="both", alpha=0.25)
     all_axes[0][0].legend(fontsize=8)
     figure.suptitle(f"{study.title}\nmedians with 95 % intervals", fontsize=11)
-    partial = folder / ".time_over_scenes.partial.png"
-    figure.savefig(partial, dpi=130)
-    plt.close(figure)
-    partial.replace(file)
-    return file
+    return save(plt, figure, file)
 
 
 def is_any_drawn(study: Study, rows: list[dict]) -> bool:

@@ -202,6 +202,7 @@ class SceneRun:
         self.keys: dict[str, str] = {}  # what a point's images depend on, beside the machine
         self.scene_files: list[str] = []
         self.pixels: dict[str, int] = {}  # of a point's frame
+        self.passes: dict[str, int] = {}  # how many a point's graph has
         self.standing: dict[str, dict] = {}  # all parameters of the study's pass, as a point has them
         self.warm: dict[str, dict] = {}
         self.measured: dict[str, dict] = {}  # profile() of points
@@ -264,6 +265,7 @@ class SceneRun:
             files = [file for file in made.files() if pathlib.Path(file).is_absolute() or pathlib.Path(file).exists()]
             described = made.describe()
         self.pixels[name] = described["extent"][0] * described["extent"][1]
+        self.passes[name] = len(described["passes"])
         self.standing[name] = next((each.get("parameters", {}) for each in described["passes"]
                                     if each["name"] == self.study.pass_name), {})
         expected = self.contents.of([*files, *self.scene_files])
@@ -345,7 +347,7 @@ class SceneRun:
                 seconds += (PROFILED_FRAMES + 1) * frame.get(point.name, 0.0)
             if self.study.reference is not None and not self.has_images(point):
                 seconds += SEEDS * self.study.settle * frame.get(point.name, 0.0) / self.executor.width
-        return seconds
+        return seconds + more_seconds(self)
 
     def check_budget(self, rest: float, how: str = "about") -> None:
         """Before anything is timed: a study that would take longer than it may says so now."""
@@ -898,6 +900,13 @@ def measure_more(run: SceneRun) -> dict[str, list[dict]]:
 
     return {"leave_one_out": leave_one_out.measure(run), "cost_models": cost_model.measure(run),
             "dominated": domination.measure(run)}
+
+
+def more_seconds(run: SceneRun) -> float:
+    """What measure_more() will take."""
+    from . import cost_model, leave_one_out
+
+    return leave_one_out.estimate_seconds(run) + cost_model.estimate_seconds(run)
 
 
 def gate(rows: list[dict]) -> int:

@@ -193,6 +193,25 @@ def test_without_time_left_nothing_is_timed(tmp_path):
     assert "no time is left for leaving out each pass of v steps=2" in said[0]
 
 
+def test_what_is_beside_the_table_is_estimated_until_it_is_there(tmp_path):
+    def ready(workers):
+        run = side_run(tmp_path, workers)
+        run.warm, run.passes, run.pixels = {point.name: {"ms": 100.0} for point in run.alive()}, dict.fromkeys(run.keys, 4), dict.fromkeys(
+            run.keys, 400)
+        run.study.extents, run.rounds = ((10, 10),), []
+        return run
+
+    times = {"without=ao": 6.0, "": 9.0}
+    run = ready(Workers(times))
+    # 9 rounds of 2 turns of 2 frames and 12 to warm up, of the point and 4 passes: 48 x 5 x 0.1 s; two points at a quarter of
+    # the pixels, 7 rounds: 40 x 2 x 0.025 s.
+    assert study_run.more_seconds(run) == pytest.approx(24.0 + 2.0)
+    leave_one_out.measure(run)
+    assert study_run.more_seconds(ready(Workers(times))) == pytest.approx(2.0)
+    cost_model.measure(run)
+    assert study_run.more_seconds(ready(Workers(times))) == 0.0
+
+
 def test_settings_of_a_pass_go_with_it():
     base = Point("v", "deferred", ("extent=[8,8]", "ao.params.steps=2", "aohm.params.x=1"), ())
     assert leave_one_out.without(base, "ao").settings == ("extent=[8,8]", "aohm.params.x=1", "ao.technique=none")
@@ -291,3 +310,42 @@ def test_a_ladder_has_a_line_of_its_own(host, tmp_path, monkeypatch):
     monkeypatch.setattr(study_chart, "draw_scene", seen)
     study_chart.draw(study, rows, tmp_path)
     assert {"v (steps)", "v (directions)", "dominated by a cheaper rung, beyond the noise"} <= drawn.keys()
+
+
+def lit_study(host, tmp_path, arguments):
+    scenes = "".join(f'[[scene]]\nfile = "SCENE"\narguments = {each}\n' for each in arguments)
+    return read(host, tmp_path, FILE.replace('[[scene]]\nfile = "SCENE"\n', scenes))
+
+
+def test_scenes_that_differ_in_one_number_are_an_axis(host, tmp_path):
+    from heddle import study_chart
+
+    study = lit_study(host, tmp_path, ["{ size = 1 }", "{ size = 4 }", "{ size = 2.5 }"])
+    assert study_chart.arguments_of(study) == ("size", {"box size=1": 1.0, "box size=4": 4.0, "box size=2.5": 2.5})
+    rows = [{"scene": scene.name, "variant": "v", "knobs": point.name[2:], "quantity": "frame", "value": 2.0 + i, "low": 1.9, "high": 6.0}
+            for i, scene in enumerate(study.scenes) for point in study.points]
+    chart = study_chart.draw_over_scenes(study, rows, tmp_path)
+    image = host.read_image(chart)
+    assert min(image.shape[:2]) > 300 and image.std() > 0.05
+    assert study_chart.draw_over_scenes(study, [], tmp_path) is None and not chart.exists()  # of another run
+
+
+def test_other_scenes_are_none(host, tmp_path):
+    from heddle import study_chart
+
+    assert study_chart.arguments_of(read(host, tmp_path, FILE)) is None
+    assert study_chart.arguments_of(lit_study(host, tmp_path, ["{ size = -1 }", "{ size = 2 }"])) is None  # no logarithm
+    mixed = FILE.replace("[[variant]]", '[[scene]]\nfile = "cornell_box.py"\n[[variant]]')
+    assert study_chart.arguments_of(read(host, tmp_path, mixed)) is None
+
+
+def test_fewer_lights_shine_in_the_same_street(host):
+    from heddle.__main__ import load_scene
+
+    counts = {}
+    for lights in (32, 512):
+        with host.scene() as scene:
+            load_scene(scene, "street.py", arguments={"lights": lights})(scene, 1.0)
+            counts[lights] = scene.describe()["counts"]
+    assert counts[32]["lights"] == 32 and counts[512]["lights"] == 512
+    assert counts[32]["triangles"] == counts[512]["triangles"] and counts[32]["instances"] == counts[512]["instances"]
