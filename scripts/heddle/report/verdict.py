@@ -88,7 +88,10 @@ def name(row: Json) -> str:
 
 
 def percent(log_ratio: float) -> str:
-    return f"{100 * math.expm1(log_ratio):.2g} %" if math.isfinite(log_ratio) and log_ratio < 50 else "any size"
+    if not math.isfinite(log_ratio) or log_ratio > 10:
+        return "any size"
+    value = 100 * math.expm1(log_ratio)
+    return f"{value:.2g} %" if value < 100 else f"{value:.0f} %"
 
 
 def range_of(rows: list[Json]) -> str:
