@@ -224,7 +224,7 @@ def describe(scene: str, variant: str, samples: Sequence[Sample]) -> dict[str, A
     rows = [{"knobs": dict(each.knobs), "pixels": each.pixels, "ms": each.ms, "low": each.low, "high": each.high}
             for each in samples]
     for row, whole, left in zip(rows, model.predicted, model.left_out):
-        row |= {"predicted_ms": whole, "left_out_ms": left}
+        row |= {"predicted_ms": whole, "left_out_ms": left if math.isfinite(left) else None}
     return {"scene": scene, "variant": variant, "form": model.form if model.predict else None, "fits": model.fits,
             "formula": formula(model) if model.predict else "", "why": model.why, "noise_percent": 100 * noise,
             "terms": [{"term": term, "coefficient": value} for term, value in zip(model.terms, model.coefficients)],

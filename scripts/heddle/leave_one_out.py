@@ -77,6 +77,8 @@ def row_of(run: SceneRun, base: Point, each: dict, side: Point, rounds: list[dic
     both = [found for found in rounds if base.name in found and side.name in found]
     if not both:
         return row | {"note": f"it cannot be left out: {why}" if why else "not measured"}
+    if len(both) < s.FEWEST_ROUNDS:  # their interval has no ends
+        return row | {"note": f"lost after {len(both)} rounds: {why}", "rounds": len(both)}
     cost = s.difference([found[base.name] - found[side.name] for found in both])
     return row | {"cost_ms": [cost.low, cost.value, cost.high], "confidence": cost.confidence, "rounds": len(both),
                   "frame_ms": s.median([found[base.name] for found in both]).value}

@@ -632,7 +632,11 @@ def read_reference(reader: Reader, given: dict | None, graph: str, settings: tup
         named = swap(reader, ("reference",), table, role, pass_name)
     elif "graph" not in table and "set" not in table:
         references = reader.roles[role].get("references") or {} if role is not None else {}
-        stated = references.get("same_model") or references.get("physical")
+        # A technique of another role is no other word for the pass: its graph has to be written.
+        physical = references.get("physical")
+        if physical is not None and physical["technique"].split("/")[0] != role:
+            physical = None
+        stated = references.get("same_model") or physical
         if stated is None or pass_name is None:
             if reader.is_pass_known and not reader.errors:
                 reader.fail(("reference",), "nothing says what is true", expected="[reference] with technique, graph or set")
