@@ -137,7 +137,7 @@ class Here:
         self._residents: Residents | None = None
 
     def machines(self) -> list[dict]:
-        """Fingerprints of those that may do items."""
+        """Fingerprints of those that do items, or did."""
         return [self.place()]
 
     def place(self) -> dict:
