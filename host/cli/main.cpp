@@ -34,8 +34,8 @@ int main(int argc, char** argv) {
         heddle::cli::run_in_python(argc, argv);
       }
     }
-    for (const std::string_view command : {"study", "reproduce"})
-      if (argc > 1 && argv[1] == command) heddle::cli::run_in_python(argc, argv);
+    constexpr std::array<std::string_view, 4> kMeasures{"study", "tune", "baseline", "reproduce"};
+    if (argc > 1 && std::ranges::find(kMeasures, argv[1]) != kMeasures.end()) heddle::cli::run_in_python(argc, argv);
     heddle::cli::add_run(app, &status);
     heddle::cli::add_compare(app, &status);
     heddle::cli::add_check(app, &status);
@@ -45,6 +45,8 @@ int main(int argc, char** argv) {
     heddle::cli::add_doctor(app, &status);
     heddle::cli::add_new_technique(app);
     heddle::cli::add_study(app);
+    heddle::cli::add_tune(app);
+    heddle::cli::add_baseline(app);
     heddle::cli::add_reproduce(app);
     heddle::cli::add_bench(app);
     heddle::cli::add_schema(app, &status);

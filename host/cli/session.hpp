@@ -108,8 +108,11 @@ void add_explain(CLI::App& app, int* exit_status);
 void add_inspect(CLI::App& app, int* exit_status);
 void add_schema(CLI::App& app, int* exit_status);
 void add_completion(CLI::App& app, int* exit_status);
-void add_study(CLI::App& app);  // for --help and completion: main hands it to Python
-void add_reproduce(CLI::App& app);  // the same
+// For --help and completion: main hands these to Python.
+void add_study(CLI::App& app);
+void add_tune(CLI::App& app);
+void add_baseline(CLI::App& app);
+void add_reproduce(CLI::App& app);
 void add_bench(CLI::App& app);  // never returns when it ran
 
 }  // namespace heddle::cli

@@ -18,7 +18,7 @@ import statistics
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from time import sleep, time_ns
 
 from . import Error, Graph, Host, Job, Scene, version
@@ -28,9 +28,9 @@ from ._library import CANCELLED
 Update = Callable[[Scene, float], None]
 
 
-def load_scene(scene: Scene, file: str, trusted: bool = False) -> Update:
-    """Runs build(scene) of a Python file, or loads a glTF file. Returns what moves the scene to a time: the Python
-    file's update(scene, time), if it has one."""
+def load_scene(scene: Scene, file: str, trusted: bool = False, arguments: Mapping[str, object] | None = None) -> Update:
+    """Runs build(scene, **arguments) of a Python file, or loads a glTF file. Returns what moves the scene to a time: the
+    Python file's update(scene, time), if it has one."""
     if not file.endswith(".py"):
         scene.load(file, trusted)
         return stays
@@ -54,9 +54,10 @@ def load_scene(scene: Scene, file: str, trusted: bool = False) -> Update:
         raise Error(2, f"{path}: error: the scene has no function build(scene)")
     try:
         with scene_code():
-            module.build(scene)
+            module.build(scene, **(arguments or {}))
     except (Exception, SystemExit) as error:
-        raise scene_error(path, "build(scene)", error) from error
+        given = ", ".join(["scene", *[f"{key}={value!r}" for key, value in (arguments or {}).items()]])
+        raise scene_error(path, f"build({given})", error) from error
 
     def update(moved: Scene, time: float) -> None:
         try:
@@ -598,6 +599,18 @@ def study(arguments: argparse.Namespace) -> int:
     return run_study(arguments, stop_if_asked)
 
 
+def tune(arguments: argparse.Namespace) -> int:
+    from .tune import tune as tune_graph
+
+    return tune_graph(arguments, stop_if_asked)
+
+
+def baseline(arguments: argparse.Namespace) -> int:
+    from .baseline import baseline as keep_or_check
+
+    return keep_or_check(arguments, stop_if_asked)
+
+
 def reproduce(arguments: argparse.Namespace) -> int:
     from .reproduce import reproduce as body
 
@@ -675,6 +688,10 @@ def main() -> int:
     command.add_argument("files", nargs="*", help="a study (.toml), or the name of a shipped one; with --role: scenes")
     command.add_argument("--role", help="study all techniques of this role over all their knobs, without a file")
     command.add_argument("--set", action="append", default=[], help="with --role: change the graph: extent=[320,180]")
+    command.add_argument("--climb", choices=("together", "each"), default="together",
+                         help="with --role: a technique's ladders together, or each on its own (default: together)")
+    command.add_argument("--scene", action="append", default=[], help="instead of the file's scenes: a model of your own, "
+                                                                      "for instance; repeatable")
     command.add_argument("--folder", help="where results go (default: out/NAME of the study)")
     command.add_argument("--device", help="part of a device's name, or its index")
     command.add_argument("--rounds", type=int, help="instead of the file's: more rounds see smaller differences")
@@ -688,6 +705,49 @@ def main() -> int:
     command.add_argument("--gate", action="store_true", help="exit status 1 if anything is worse than the first variant or was "
                                                              "lost, 2 if undecided, else 0; 4 if there are no verdicts, "
                                                              "because of a mistake in the file, for instance")
+    command.add_argument("--quiet", "-q", action="store_true")
+    command = commands.add_parser("tune", allow_abbrev=False, help="choose knobs within a budget of time or of error, and write "
+                                                                   "them as a graph that extends this one")
+    command.set_defaults(body=tune)
+    command.add_argument("files", nargs="*", help="a graph and a scene (.py, .glb, .gltf, .scene.toml), in any order")
+    command.add_argument("--budget", help="frame time with its unit, 4ms: the least error within it")
+    command.add_argument("--error", help="METRIC=NUMBER, flip=0.02: the least time within it")
+    command.add_argument("--metric", help="with --budget: which error is least (default: flip)")
+    command.add_argument("--port", help="the image that is compared (default: the graph's output)")
+    command.add_argument("--pass", dest="passes", action="append", default=[], help="tune this pass alone; repeatable (default: "
+                                                                                    "all that have knobs)")
+    command.add_argument("--techniques", action="store_true", help="other techniques of the passes' roles too")
+    command.add_argument("--set", action="append", default=[], help="change the graph, and what is written: extent=[320,180]")
+    command.add_argument("--reference-set", action="append", default=[], help="change what is taken for true: "
+                                                                              "ao.technique=ray_traced")
+    command.add_argument("--parts", type=int, default=1, help="renderings of what is true, with seeds of their own (default: 1)")
+    command.add_argument("--overlay", action="append", default=[], help="a .scene.toml with changes to the scene")
+    command.add_argument("--camera", action="append", default=[], help="choose in this camera; repeatable (default: the scene's)")
+    command.add_argument("--time", type=float, action="append", default=[], help="choose at this time, seconds; repeatable")
+    command.add_argument("--check-camera", action="append", default=[], help="check in this camera; repeatable (default: all others)")
+    command.add_argument("--check-time", type=float, action="append", default=[], help="check at this time, seconds; repeatable")
+    command.add_argument("--output", "-o", help="the graph that is written (default: FOLDER/tuned.toml)")
+    command.add_argument("--folder", help="where measurements are kept (default: out/tune)")
+    command.add_argument("--rounds", type=int, default=9, help="of turns; more see smaller differences (default: 9)")
+    command.add_argument("--frames", type=int, default=2, help="timed in a turn (default: 2)")
+    command.add_argument("--settle", type=int, default=1, help="frames before an image is read (default: 1)")
+    command.add_argument("--minutes", type=float, default=30, help="what would take longer says so and ends (default: 30)")
+    command.add_argument("--timeout", type=float, default=300, help="seconds after which a process that does not answer is hung")
+    command.add_argument("--device", help="part of a device's name, or its index")
+    command.add_argument("--dry-run", action="store_true", help="say which settings would be measured")
+    command.add_argument("--quiet", "-q", action="store_true")
+    command = commands.add_parser("baseline", allow_abbrev=False, help="keep error, counters and bytes of every technique, or "
+                                                                       "say what has changed since")
+    command.set_defaults(body=baseline)
+    command.add_argument("action", choices=("record", "check"), help="keep what is now; or compare with what was kept: exit "
+                                                                     "status 1 if anything differs")
+    command.add_argument("files", nargs="*", help="ROLE or ROLE/TECHNIQUE (default: all)")
+    command.add_argument("--folder", help="where baselines are kept, a folder a machine and driver (default: tests/baselines of "
+                                          "the repository, else baselines)")
+    command.add_argument("--tolerance", type=float, default=0.0, help="relative difference of errors that is none (default: 0, "
+                                                                      "equal bytes make equal errors)")
+    command.add_argument("--timeout", type=float, default=300, help="seconds after which a process that does not answer is hung")
+    command.add_argument("--device", help="part of a device's name, or its index")
     command.add_argument("--quiet", "-q", action="store_true")
     command = commands.add_parser("reproduce", allow_abbrev=False, help="make a point of a study's report again, and say whether it "
                                                                        "is the same")

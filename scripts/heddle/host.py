@@ -447,12 +447,17 @@ class Scene(_Object):
     def camera(self, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
                up: Sequence[float] = (0, 1, 0), near: float = 0.05, use: bool = True, name: str | None = None) -> int:
         """A perspective camera that looks at a point. vertical_angle in radians. Returns the id."""
-        camera = c.Camera(ctypes.sizeof(c.Camera), 0, (ctypes.c_double * 3)(*position),
-                          (ctypes.c_double * 4)(*_look_rotation(position, target, up)), vertical_angle, 0.0, near, 0.0)
+        camera = _camera(position, target, vertical_angle, up, near)
         index = self._add(_heddle.heddle_scene_add_camera, name, ctypes.byref(camera))
         if use:
             self.use_camera(index)
         return index
+
+    def move_camera(self, camera: int, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
+                    up: Sequence[float] = (0, 1, 0), near: float = 0.05) -> None:
+        """Changes a camera, all of it, as `camera` makes one; it keeps its id and name."""
+        made = _camera(position, target, vertical_angle, up, near)
+        self._check(_heddle.heddle_scene_set_camera(self._handle, camera, ctypes.byref(made)))
 
     def set_environment(self, pixels: ArrayLike | None, scale: float = 1.0, angle: float = 0.0,
                         rotation: Sequence[float] | None = None) -> None:
@@ -838,6 +843,12 @@ def _matrix(transform: ArrayLike | None) -> Any:
     if matrix.shape != (4, 4):
         raise Error(2, f"error: a transform has shape {matrix.shape}: expected (4, 4)")
     return (ctypes.c_double * 16)(*matrix.T.reshape(-1))  # C wants columns
+
+
+def _camera(position: Sequence[float], target: Sequence[float], vertical_angle: float, up: Sequence[float],
+            near: float) -> c.Camera:
+    return c.Camera(ctypes.sizeof(c.Camera), 0, (ctypes.c_double * 3)(*position),
+                    (ctypes.c_double * 4)(*_look_rotation(position, target, up)), vertical_angle, 0.0, near, 0.0)
 
 
 def _look_rotation(position: Sequence[float], target: Sequence[float],

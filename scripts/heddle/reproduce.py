@@ -9,11 +9,12 @@ one, and their ratio then and now is compared, round by round, by the rule of al
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import math
 import pathlib
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -51,20 +52,13 @@ def reproduce(options: argparse.Namespace, stop: Callable[[], None]) -> int:
     yardstick = next((each for each in data["points"] if each["scene"] == point["scene"] and each["state"] == "ok"
                       and each["name"] != point["name"]), None)
     with tempfile.TemporaryDirectory(prefix="heddle-reproduce-") as folder:
-        if options.device is None:
-            options.device = scene["device"]
-        executor = Here(options.device, options.timeout, pathlib.Path(folder), say, stop)
-        with Host(options.device, log=lambda *_: None) as host:
-            run = make_run(data, scene, point, yardstick, options, pathlib.Path(folder), host, executor, say, stop)
-            try:
-                image = rendered(run, point, scene)
-                say_what_changed(data, scene, run, say)
-                is_same = compare_bytes(path, point, known, image, say)
-                if options.output:
-                    host.write_image(options.output, image)
-                verdict = None if options.no_times else compare_times(data, point, yardstick, run, say)
-            finally:
-                executor.close()
+        with make_run(data, scene, point, yardstick, options, pathlib.Path(folder), say, stop) as run:
+            image = rendered(run, point, scene)
+            say_what_changed(data, scene, run, say)
+            is_same = compare_bytes(path, point, known, image, say)
+            if options.output:
+                write_output(options, image)
+            verdict = None if options.no_times else compare_times(data, point, yardstick, run, say)
     return 0 if is_same and verdict not in (s.BETTER, s.WORSE) else 1
 
 
@@ -87,12 +81,12 @@ def find_row(data: Json, words: list[str], path: pathlib.Path) -> Json:
                 "\n            ".join(choices[:40]) + more)
 
 
+@contextlib.contextmanager
 def make_run(data: Json, scene: Json, point: Json, yardstick: Json | None, options: argparse.Namespace, folder: pathlib.Path,
-             host: Host, executor: Here, say: Callable[[str], None], stop: Callable[[], None]) -> SceneRun:
-    """The study of two points that the page has of them, without a reference."""
-    known = {each.name for each in dataclasses.fields(SceneChoice)}
-    choice = SceneChoice(**{key: frozen(value) for key, value in scene["choice"].items() if key in known} | {
-        "where": str(options.file)})
+             say: Callable[[str], None], stop: Callable[[], None]) -> Iterator[SceneRun]:
+    """The study of two points that the page has of them, without a reference, while the block lasts."""
+    choice = SceneChoice(scene["file"], scene["camera"], scene["time"], tuple(scene["overlays"]), str(options.file),
+                         tuple((key, value) for key, value in scene.get("arguments", [])))
     both = [each for each in (yardstick, point) if each is not None]
     points = tuple(Point(each["variant"], each["graph"], tuple(each["settings"]), tuple((k, v) for k, v in each["knobs"]))
                    for each in both)
@@ -101,33 +95,33 @@ def make_run(data: Json, scene: Json, point: Json, yardstick: Json | None, optio
     if fields["rounds"] < s.FEWEST_ROUNDS:
         raise Error(2, f"error: --rounds {options.rounds}\n  expected: at least {s.FEWEST_ROUNDS}: fewer decide nothing")
     known = {each.name for each in dataclasses.fields(Study)}
-    study = Study(**{key: frozen(value) for key, value in fields.items() if key in known})
-    return SceneRun(study, choice, Store(folder), options, folder, host, executor, Contents(), say, stop, math.inf)
-
-
-def frozen(value: Any) -> Any:
-    """A value of JSON as studies hold it: tuples for lists, all the way down."""
-    return tuple(map(frozen, value)) if isinstance(value, list) else value
+    study = Study(**{key: value for key, value in fields.items() if key in known})
+    if options.device is None:
+        options.device = scene["device"]
+    here = Here(options.device, options.timeout, folder, say, stop)
+    with Host(options.device, log=lambda *_: None) as host, contextlib.closing(here) as executor:
+        yield SceneRun(study, choice, Store(folder), options, folder, host, executor, Contents(), say, stop, math.inf)
 
 
 def rendered(run: SceneRun, point: Json, scene: Json) -> np.ndarray:
-    missing = [file for file in (scene["choice"]["file"], *scene["choice"]["overlays"], point["graph"])
-               if pathlib.Path(file).is_absolute() and not pathlib.Path(file).exists()]
-    if missing:
-        raise Error(2, f"error: row {point['row']} cannot be rendered: the study was made of {', '.join(missing)}, which is not here")
-    run.identify()
     target = next(each for each in run.study.points if each.name == point["name"])
-    if run.state[target.name][0] == "ok":
-        answer = run.executor.at_place(run.item("part", point=run.told(run.image_of(target.name), target.variant), seed=0))
-        if answer.lost is None:
-            return answer.value["image"]
-        run.state[target.name] = (answer.lost.state, str(answer.lost))
-    state, text = run.state[target.name]
-    raise Error(2 if state == "failed" else 4, f"error: row {point['row']} cannot be rendered: {text}")
+    image, state, text = None, "failed", ""
+    try:
+        run.identify()
+        image = run.render_image(target, 0)
+        state, text = run.state[target.name]
+    except Error as error:
+        text = str(error)
+    if image is None:
+        missing = [file for file in (scene["file"], *scene["overlays"], point["graph"])
+                   if pathlib.Path(file).is_absolute() and not pathlib.Path(file).exists()]
+        raise Error(2 if state == "failed" else 4, f"error: row {point['row']} cannot be rendered: {text}" + (
+            f"\n  help:     the study was made of {', '.join(missing)}, which is not here" if missing else ""))
+    return image
 
 
 def say_what_changed(data: Json, scene: Json, run: SceneRun, say: Callable[[str], None]) -> None:
-    now = run.graphs[run.image_of(run.study.points[-1].name)]["expected"]
+    now = run.contents.known()
     changed = [file for file, value in now.items() if file in data["files"] and data["files"][file] != value[:16]]
     other = [file for file in now if file not in data["files"]]
     for what, files in (("are not what they were", changed), ("are none of the study's", other)):
@@ -168,6 +162,11 @@ def spell(values: np.ndarray) -> str:
     return "  ".join(f"{value:.9g}" for value in values.tolist())
 
 
+def write_output(options: argparse.Namespace, image: np.ndarray) -> None:
+    with Host(options.device, log=lambda *_: None) as host:
+        host.write_image(options.output, image)
+
+
 def compare_times(data: Json, point: Json, yardstick: Json | None, run: SceneRun, say: Callable[[str], None]) -> str | None:
     """The verdict; None: nothing was compared."""
     scene = data["scenes"][point["scene"]]
@@ -182,6 +181,7 @@ def compare_times(data: Json, point: Json, yardstick: Json | None, run: SceneRun
         say("time: not compared: the study timed nothing of this scene")
         return None
     say(f"time: {run.study.rounds} rounds" + (f", in turns with {yardstick['name']}" if yardstick else ""))
+    run.warm_up()
     with run.executor.timing():
         run.measure_times()
     values = [s.round_values(each["order"], [float(np.median(turn)) for turn in each["ms"]]) for each in run.rounds]

@@ -26,10 +26,12 @@ class SceneChoice:
     time: float
     overlays: tuple[str, ...]
     where: str = ""  # its file:line:column in the study
+    arguments: tuple[tuple[str, Any], ...] = ()  # of a Python scene's build()
 
     @property
     def name(self) -> str:
-        words = [pathlib.Path(self.file).stem, *[pathlib.Path(o).stem for o in self.overlays]]
+        words = [pathlib.Path(self.file).stem, *[f"{key}={value}" for key, value in self.arguments],
+                 *[pathlib.Path(o).stem for o in self.overlays]]
         words += [self.camera] if self.camera is not None else []
         return " ".join(words + ([f"{self.time:g} s"] if self.time else []))
 
@@ -76,6 +78,9 @@ class Study:
     tone_mapper: str
     seed: int
     function_image: str | None = None  # the technique of that role which makes `port`, in graphs that are not timed
+    leave_one_out: tuple[str, ...] = ()  # variants of whose first point each pass is left out in turn
+    chart_pass: str | None = None  # whose own time the chart shows beside the frame's; None: pass_name
+    extents: tuple[tuple[int, int], ...] = ()  # at which points are timed as well, for the cost model
 
 
 # What a table may hold: the types of its values, in words for errors.
@@ -85,9 +90,12 @@ STUDY_KEYS = {
     "title": TEXT, "graph": TEXT, "set": TEXTS, "role": TEXT, "pass": TEXT, "port": TEXT, "metrics": TEXTS, "rounds": WHOLE,
     "frames": WHOLE, "settle": WHOLE, "resolution": NUMBER, "error_resolution": NUMBER, "budget_minutes": NUMBER,
     "exposures": NUMBERS, "tone_mapper": TEXT, "seed": WHOLE, "scene": TABLES, "variant": TABLES, "reference": TABLE,
+    "leave_one_out": TEXTS, "extents": ANY, "chart_pass": TEXT,
 }
-SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "times": NUMBERS, "overlays": TEXTS}
-VARIANT_KEYS = {"name": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "knobs": ANY}
+SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "times": NUMBERS, "overlays": TEXTS,
+              "arguments": TABLE}
+VARIANT_KEYS = {"name": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "knobs": ANY, "climb": TEXT}
+CLIMBS = ("together", "each")  # how a variant's ladders are: the i-th values of all, or one with the others as they stand
 FUNCTION_PORT = "measured_function.image"  # of the pass that a study adds where a role's technique makes no image itself
 REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE, "file": TEXT}
 
@@ -98,6 +106,7 @@ class Places:
     def __init__(self, file: str, text: str):
         self.file = file
         self._places: dict[tuple, tuple[int, int]] = {}
+        self._instead: dict[str, str] = {}
         table: tuple = ()
         counts: dict[str, int] = {}
         for number, line in enumerate(text.splitlines(), 1):
@@ -112,8 +121,17 @@ class Places:
             elif key := re.match(r"\s*\"?([\w\-]+)\"?(?:\.[\w\-.]+)?\s*=", line):
                 self._places.setdefault((*table, key[1]), (number, key.start(1) + 1))
 
+    def without(self, name: str, instead: str) -> Places:
+        """The same, where the tables of a name were given otherwise: on the command line, for instance."""
+        found = Places(self.file, "")
+        found._places = {path: place for path, place in self._places.items() if path[0] != name}
+        found._instead = self._instead | {name: instead}
+        return found
+
     def where(self, path: tuple) -> str:
         """file:line:column of a path, or of what it stands in."""
+        if path and path[0] in self._instead:
+            return self._instead[path[0]]
         place = next((self._places[path[:n]] for n in range(len(path), 0, -1) if path[:n] in self._places), None)
         return f"{self.file}:{place[0]}:{place[1]}" if place else self.file
 
@@ -130,7 +148,7 @@ class Reader:
         self.host, self.places, self.folder = host, places, folder
         self.errors: list[str] = []
         self.is_pass_known = True  # else that was said, and is not said again of each variant
-        self._cameras: dict[tuple[str, ...], list[str] | None] = {}
+        self._cameras: dict[tuple, list[str] | None] = {}
         self.extent: tuple[str, list[int]] | None = None  # of the first variant, and its name
         listed = host.list()
         self.roles = {role["name"]: role for role in listed["roles"]}
@@ -164,14 +182,14 @@ class Reader:
             return default
         return value
 
-    def cameras(self, path: tuple, file: str, overlays: tuple[str, ...]) -> list[str] | None:
+    def cameras(self, path: tuple, file: str, overlays: tuple[str, ...], arguments: Mapping[str, Any]) -> list[str] | None:
         """Of a scene, which must be loaded for that; None and a mistake at `path` if it cannot be."""
-        key = (file, *overlays)
+        key = (file, *overlays, *arguments.items())
         if key not in self._cameras:
             self._cameras[key] = None
             try:
                 with self.host.scene() as scene:
-                    load_scene(scene, file)
+                    load_scene(scene, file, arguments=arguments)
                     for overlay in overlays:
                         scene.load(overlay)
                     self._cameras[key] = scene.describe().get("cameras", [])
@@ -200,8 +218,8 @@ def is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and -1e300 < value < 1e300
 
 
-def read(host: Host, file: str) -> Study:
-    """A study of a file. raises: Error with all mistakes, each at its line"""
+def read(host: Host, file: str, scenes: Iterable[str] = ()) -> Study:
+    """A study of a file, on other scenes than its own if there are some. raises: Error with all mistakes, each at its line"""
     path = pathlib.Path(file)
     shipped = pathlib.Path(__file__).resolve().parents[1] / "studies" / (path.name if path.suffix else f"{path.name}.toml")
     if not path.exists() and shipped.exists():
@@ -217,10 +235,14 @@ def read(host: Host, file: str) -> Study:
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         where = f"{path}:{place[1]}:{place[2]}" if place else str(path)
         raise Error(2, f"{where}: error: this is no TOML: {re.sub(r' *[(]at .*', '', str(error))}") from error
-    return understand(host, written, Places(str(path), text), path.stem, path.parent)
+    places = Places(str(path), text)
+    if given := list(scenes):
+        written["scene"] = [{"file": str(pathlib.Path(each).resolve()) if pathlib.Path(each).exists() else each} for each in given]
+        places = places.without("scene", "--scene")
+    return understand(host, written, places, path.stem, path.parent)
 
 
-def of_role(host: Host, role: str, scenes: list[str], settings: list[str]) -> Study:
+def of_role(host: Host, role: str, scenes: list[str], settings: list[str], climb: str = "together") -> Study:
     """A study of all techniques of a role, over all their knobs, that nobody wrote."""
     reader = Reader(host, Places("--role", ""), pathlib.Path())
     if role not in reader.roles:
@@ -228,7 +250,7 @@ def of_role(host: Host, role: str, scenes: list[str], settings: list[str]) -> St
         raise Error(2, "\n".join(reader.errors))
     names = sorted(name for of, name in reader.techniques if of == role)
     written = {"title": f"All techniques of {role}", "role": role, "set": settings, "scene": [{"file": s} for s in scenes],
-               "variant": [{"name": name, "technique": name, "knobs": "all"} for name in names]}
+               "variant": [{"name": name, "technique": name, "knobs": "all", "climb": climb} for name in names]}
     return understand(host, written, Places("--role", ""), role, pathlib.Path())
 
 
@@ -270,16 +292,44 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
     scenes = read_scenes(reader, table.get("scene", []))
     points = read_variants(reader, table.get("variant", []), graph, settings, role, pass_name, port)
     reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name, scenes)
+    if passes and table.get("chart_pass") not in (None, *passes):
+        reader.unknown(("chart_pass",), "pass", table["chart_pass"], passes)
+    leave_one_out, extents = read_more(reader, table, points, graph, settings)
     study = Study(
         name, table.get("title", name), port or "", pass_name, scenes, points, reference, wanted,
         rounds=reader.number(table, "rounds", 15, 7, 1000), frames=reader.number(table, "frames", 3, 1, 1000),
         settle=reader.number(table, "settle", 1, 1, 10000), resolution=reader.number(table, "resolution", 0.02, 1e-4, 1),
         error_resolution=reader.number(table, "error_resolution", 0.02, 1e-4, 1),
         budget_minutes=reader.number(table, "budget_minutes", 30, 0, 1e6), exposures=exposures, tone_mapper=tone_mapper,
-        seed=reader.number(table, "seed", 0, 0, 2**31), function_image=role if port == FUNCTION_PORT else None)
+        seed=reader.number(table, "seed", 0, 0, 2**31), leave_one_out=leave_one_out,
+        chart_pass=table.get("chart_pass"), extents=extents,
+        function_image=role if port == FUNCTION_PORT else None)
     if reader.errors:
         raise Error(2, "\n".join(reader.errors))
     return study
+
+
+def read_more(reader: Reader, table: Mapping[str, Any], points: tuple[Point, ...], graph: str,
+              settings: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[tuple[int, int], ...]]:
+    """(variants whose passes are left out in turn: the first if nothing is said; extents that are timed as well)."""
+    variants = list(dict.fromkeys(point.variant for point in points))
+    chosen = table.get("leave_one_out", variants[:1])
+    for name in chosen:
+        if points and name not in variants:
+            reader.unknown(("leave_one_out",), "variant", name, variants)
+    extents = table.get("extents", [])
+    if not isinstance(extents, list) or not all(is_of(each, NUMBERS) and len(each) == 2 and all(
+            isinstance(n, int) and 1 <= n <= 16384 for n in each) for each in extents):
+        reader.fail(("extents",), "'extents' are pairs of pixels", found=f"extents = {extents!r}",
+                    expected="[[160, 90], [640, 360]], 1 to 16384 each")
+        extents = []
+    for extent in extents if not reader.errors else []:
+        load(reader, ("extents",), graph, (*settings, extent_setting(extent)))
+    return tuple(dict.fromkeys(chosen)), tuple(dict.fromkeys((each[0], each[1]) for each in extents))
+
+
+def extent_setting(extent: Iterable[int]) -> str:
+    return f"extent=[{','.join(map(str, extent))}]"
 
 
 def load(reader: Reader, path: tuple, graph: str, settings: Iterable[str]) -> dict[str, Any]:
@@ -399,20 +449,29 @@ def read_scenes(reader: Reader, tables: list[dict]) -> tuple[SceneChoice, ...]:
                 reader.fail(("scene", i, "overlays"), f"there is no overlay '{overlay}'")
         if not all(pathlib.Path(overlay).exists() for overlay in overlays):
             continue
+        arguments = table.get("arguments", {})
+        if not all(isinstance(each, (str, bool)) or is_number(each) for each in arguments.values()):
+            reader.fail(("scene", i, "arguments"), "'arguments' are texts, numbers and truths by name",
+                        found=f"arguments = {arguments!r}", expected="arguments = { lights = 64 }: build(scene, lights=64)")
+            continue
+        if arguments and not file.endswith(".py"):
+            reader.fail(("scene", i, "arguments"), "'arguments' are those of a Python scene's build(scene, ...)",
+                        found=f"file = {table['file']!r}")
+            continue
         cameras = table.get("cameras", [table.get("camera")])
         times = table.get("times", [table.get("time", 0.0)])
         place = ("scene", i, "cameras" if "cameras" in table else "camera")
-        if any(camera is not None for camera in cameras):
-            there = reader.cameras(("scene", i, "file"), file, overlays)
+        if arguments or any(camera is not None for camera in cameras):
+            there = reader.cameras(("scene", i, "arguments" if arguments else "file"), file, overlays, arguments)
             for camera in cameras:
                 if there is not None and camera is not None and camera not in there:
                     reader.unknown(place, f"camera of scene '{table['file']}'", camera, there or ["none: it has no cameras"])
         for camera, time in itertools.product(cameras, times):
-            scene = SceneChoice(file, camera, float(time), overlays, reader.places.where(place))
+            scene = SceneChoice(file, camera, float(time), overlays, reader.places.where(place), tuple(arguments.items()))
             # Rows and the reference's file are found by it.
             other = known.setdefault(slug(scene.name), scene)
             if other is not scene:
-                is_same = (file, camera, time, overlays) == (other.file, other.camera, other.time, other.overlays)
+                is_same = dataclasses.replace(scene, where="") == dataclasses.replace(other, where="")
                 reader.fail(("scene", i), f"scene '{scene.name}' is there twice" if is_same else
                             f"two scenes are called '{scene.name}', and would share their rows and their reference's file",
                             found=" and ".join(dict.fromkeys([" ".join([other.file, *other.overlays]),
@@ -464,7 +523,12 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
             reader.fail((*path, "knobs"), "of which pass are these the knobs?",
                         expected="'role' or 'pass' at the top, and the pass in the variant's graph")
         ladders = read_knobs(reader, path, table.get("knobs"), role, present)
-        climbed = rungs(ladders)
+        climb = table.get("climb", "together")
+        if climb not in CLIMBS:
+            reader.unknown((*path, "climb"), "way to climb", climb, CLIMBS)
+        if "climb" in table and "knobs" not in table:
+            reader.fail((*path, "climb"), "there are no ladders to climb", expected="'knobs' of the variant: knobs = \"all\"")
+        climbed = rungs(ladders) if climb != "each" else rungs_of_each(ladders)
         if rung := next((rung for j, rung in enumerate(climbed) if rung in climbed[:j]), None):
             reader.fail((*path, "knobs"), "two points have the same values of all knobs",
                         found=" ".join(f"{knob}={value}" for knob, value in rung))
@@ -551,6 +615,11 @@ def rungs(ladders: Mapping[str, list]) -> list[tuple[tuple[str, Any], ...]]:
     return [tuple((knob, values[min(i, len(values) - 1)]) for knob, values in ladders.items()) for i in range(height)]
 
 
+def rungs_of_each(ladders: Mapping[str, list]) -> list[tuple[tuple[str, Any], ...]]:
+    """One ladder after the other, whose other knobs stay as the variant has them."""
+    return [((knob, value),) for knob, values in ladders.items() for value in values] or [()]
+
+
 def read_reference(reader: Reader, given: dict | None, graph: str, settings: tuple[str, ...], role: str | None,
                    pass_name: str | None, scenes: Sequence[SceneChoice]) -> Reference | None:
     """As written, else what the role names; at the last rung of each ladder that neither says."""
@@ -563,7 +632,11 @@ def read_reference(reader: Reader, given: dict | None, graph: str, settings: tup
         named = swap(reader, ("reference",), table, role, pass_name)
     elif "graph" not in table and "set" not in table:
         references = reader.roles[role].get("references") or {} if role is not None else {}
-        stated = references.get("same_model") or references.get("physical")
+        # A technique of another role is no other word for the pass: its graph has to be written.
+        physical = references.get("physical")
+        if physical is not None and physical["technique"].split("/")[0] != role:
+            physical = None
+        stated = references.get("same_model") or physical
         if stated is None or pass_name is None:
             if reader.is_pass_known and not reader.errors:
                 reader.fail(("reference",), "nothing says what is true", expected="[reference] with technique, graph or set")

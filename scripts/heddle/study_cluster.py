@@ -154,6 +154,7 @@ class Cluster:
         self._distributed, self._device, self._timeout, self._say, self._stop = distributed, device, timeout, say, stop
         self._local: Any = None
         self._machines: dict[str, dict] = {}  # fingerprints by address of workers
+        self._seen: dict[str, dict] = {}  # by their ids, also of those that are gone
         self._refused: dict[str, str] = {}
         self._place: str | None = None
         self._moves = 0
@@ -185,9 +186,9 @@ class Cluster:
         return max(1, len(self._machines))
 
     def machines(self) -> list[dict]:
-        """Fingerprints of those that may do items, the one that times first."""
+        """Fingerprints of those that do items, or did, the one that times first."""
         place = self.place()
-        return [place] + [each for each in {each["id"]: each for each in self._machines.values()}.values() if each["id"] != place["id"]]
+        return [place] + [each for each in self._seen.values() if each["id"] != place["id"]]
 
     def place(self) -> dict:
         """The fingerprint of the machine that times."""
@@ -279,6 +280,7 @@ class Cluster:
                     self._refuse(address, f"it has another build of Heddle: {each['build']}, and here is {build()}")
                 else:
                     self._machines[address] = each
+                    self._seen.setdefault(each["id"], each)
         return self._machines
 
     def _refuse(self, address: str, reason: str) -> None:

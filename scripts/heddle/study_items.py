@@ -153,6 +153,10 @@ class Contents:
         """{portable path: hash}, of the library too, wherever it is"""
         return {LIBRARY: self._one(str(find()))} | {portable(file): self._one(file) for file in files}
 
+    def known(self) -> dict[str, str]:
+        """{file: hash} of all that was ever asked for."""
+        return {file: content for file, (_, content) in self._known.items()}
+
     def _one(self, file: str) -> str:
         try:
             status = os.stat(file)
@@ -190,8 +194,8 @@ def machine() -> dict[str, Any]:
 def build() -> dict[str, str]:
     """Which Heddle this process is: whoever has the same one may do each other's items."""
     package = hashlib.sha256()
-    for file in sorted(pathlib.Path(__file__).resolve().parent.glob("*.py")):
-        package.update(file.name.encode() + b"\0" + file.read_bytes())
+    for file in sorted(pathlib.Path(__file__).resolve().parent.rglob("*.py")):
+        package.update(str(file.relative_to(pathlib.Path(__file__).resolve().parent)).encode() + b"\0" + file.read_bytes())
     return {"version": version(), "library": hashlib.sha256(find().read_bytes()).hexdigest()[:16],
             "package": package.hexdigest()[:16]}
 
@@ -413,8 +417,9 @@ class Residents:
                 result["seeds"][metric].append(self._error(item, image, truth["whole"], metric))
                 if seed == 0:
                     result["parts"][metric] = [self._error(item, image, part, metric) for part in truth["without"]]
-            first = image if seed == 0 else first
-        return result | {"image": first}
+            if seed == 0:
+                result["image"] = first = image
+        return result
 
     def _error(self, item: Mapping[str, Any], image: np.ndarray, reference: np.ndarray, metric: str) -> float:
         try:

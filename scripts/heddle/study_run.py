@@ -18,6 +18,7 @@ import json
 import math
 import os
 import pathlib
+import shlex
 import sys
 import time
 import traceback
@@ -29,12 +30,12 @@ import numpy as np
 from . import Error, Host, metrics, version
 from . import statistics as s
 from . import study as definition
+from . import study_images as images
 from .__main__ import scene_path
 from ._library import CANCELLED
 from .study import Point, SceneChoice, Study, slug
 from .study_items import (AGAIN, PROFILED_FRAMES, REFERENCE, SEEDS, Contents, Lost, Refused, Residents, digest, fingerprint, own,
                           portable, timing_alone)
-from .study_record import Record, command_line
 from .study_worker import open_graph, open_scene
 
 # ---- What is kept ----
@@ -136,7 +137,7 @@ class Here:
         self._residents: Residents | None = None
 
     def machines(self) -> list[dict]:
-        """Fingerprints of those that may do items."""
+        """Fingerprints of those that do items, or did."""
         return [self.place()]
 
     def place(self) -> dict:
@@ -194,18 +195,24 @@ class SceneRun:
         self.deadline = deadline  # of time.monotonic(): the study's budget ends
         path = scene_path(scene.file)
         self.described = {"file": portable(path or scene.file), "camera": scene.camera, "time": scene.time,
-                          "overlays": [portable(each) for each in scene.overlays]}
+                          "overlays": [portable(each) for each in scene.overlays],
+                          "arguments": [list(each) for each in scene.arguments]}
         self.state: dict[str, tuple[str, str]] = {point.name: ("ok", "") for point in study.points}
         self.graphs: dict[str, dict] = {}  # what items are told of points
         self.keys: dict[str, str] = {}  # what a point's images depend on, beside the machine
+        self.scene_files: list[str] = []
+        self.pixels: dict[str, int] = {}  # of a point's frame
+        self.passes: dict[str, int] = {}  # how many a point's graph has
+        self.standing: dict[str, dict] = {}  # all parameters of the study's pass, as a point has them
         self.warm: dict[str, dict] = {}
         self.measured: dict[str, dict] = {}  # profile() of points
         self.errors: dict[str, dict] = {}
         self.rounds: list[dict] = []
         self.foreign: float | None = None  # share of the processors that other programs used while rounds were timed
         self.changing: dict[str, int] = {}  # frames of the warm-up of points that were still changing after them
+        self.kept: dict[str, str] = {}  # keys of images.load(): the first seed of points, and REFERENCE
+        self.explained: dict[str, str] = {}  # keys of the store: how points' frames were planned
         self.machine = ""  # id of the one that timed
-        self.record = Record()
 
     @property
     def baseline(self) -> Point:
@@ -225,7 +232,7 @@ class SceneRun:
     def identify(self) -> None:
         """What goes into every point, from its files; renders nothing."""
         try:
-            made, _, scene_files = open_scene(self.host, {**self.described, "file": own(self.described["file"]),
+            made, _, self.scene_files = open_scene(self.host, {**self.described, "file": own(self.described["file"]),
                                                           "overlays": list(self.scene.overlays)})
             made.close()
         except Error as error:
@@ -233,32 +240,39 @@ class SceneRun:
                         + str(error).replace("\n", "\n    ")) from error
         for point in self.study.points:
             try:
-                self.identify_one(point.name, point.graph, point.settings, scene_files, None)
+                self.identify_one(point.name, point.graph, point.settings)
                 if self.study.function_image is not None:
-                    self.identify_one(self.image_of(point.name), point.graph, point.settings, scene_files, self.study.pass_name)
+                    self.identify_one(self.image_of(point.name), point.graph, point.settings, self.study.pass_name)
             except Error as error:
                 self.lose(point.name, Lost("failed", str(error)))
         if (reference := self.study.reference) is not None and not reference.files:
-            self.identify_one(REFERENCE, reference.graph, reference.settings, scene_files, self.study.pass_name)
+            self.identify_one(REFERENCE, reference.graph, reference.settings, self.study.pass_name)
         self.check_alive()
 
-    def identify_one(self, name: str, graph: str, settings: Sequence[str], scene_files: Sequence[str],
-                     asked: str | None) -> None:
-        """asked: of a graph that is not timed the pass whose answers become an image, where the study has such a role."""
+    def identify_one(self, name: str, graph: str, settings: Sequence[str], asked: str | None = None,
+                     keep: str | None = None) -> None:
+        """asked: of a graph that is not timed the pass whose answers become an image, where the study has such a role.
+        keep: another port than the study's. raises: Error"""
         adds = None
         if self.study.function_image is not None and asked is not None:
             adds = definition.with_function_image(self.host, graph, settings, self.study.function_image, asked)
         # What is timed makes the port only if it is the graph's own.
-        keep = self.study.port if adds is not None or self.study.function_image is None else None
+        if keep is None and (adds is not None or self.study.function_image is None):
+            keep = self.study.port
         with open_graph(self.host, definition.absolute(graph) if adds else graph, settings, adds) as made:
             if keep is not None:
                 made.keep(keep)
             files = [file for file in made.files() if pathlib.Path(file).is_absolute() or pathlib.Path(file).exists()]
-        expected = self.contents.of([*files, *scene_files])
+            described = made.describe()
+        self.pixels[name] = described["extent"][0] * described["extent"][1]
+        self.passes[name] = len(described["passes"])
+        self.standing[name] = next((each.get("parameters", {}) for each in described["passes"]
+                                    if each["name"] == self.study.pass_name), {})
+        expected = self.contents.of([*files, *self.scene_files])
         self.graphs[name] = {"graph": portable(graph) if pathlib.Path(graph).is_file() else graph, "settings": list(settings),
                              "expected": expected, "keep": keep, "adds": adds}
         self.keys[name] = digest("image", [content for _, content in sorted(expected.items())], settings, adds,
-                                 self.scene.camera, self.scene.time, self.study.port, self.study.settle)
+                                 self.scene.camera, self.scene.time, self.scene.arguments, self.study.port, self.study.settle)
 
     def image_of(self, name: str) -> str:
         """The name under which a point's image is made: another graph's, where the point's own has none."""
@@ -277,6 +291,17 @@ class SceneRun:
     def item(self, do: str, **more: Any) -> dict:
         return {"do": do, "scene": self.described, "device": self.options.device, "timeout": self.options.timeout,
                 "port": self.study.port, "settle": self.study.settle} | more
+
+    def ask(self, point: Point, request: str, **arguments: Any) -> dict | None:
+        """What study_worker.py says of a point where it is timed; None if it is lost by now."""
+        while self.state[point.name][0] == "ok":
+            with contextlib.suppress(Moved):
+                answer = self.executor.at_place(self.item("ask", point=self.told(point.name, point.variant), request=request,
+                                                          arguments=arguments))
+                if answer.lost is None:
+                    return answer.value
+                self.lose(point.name, answer.lost)
+        return None
 
     # Warm-up and what it will take
 
@@ -322,7 +347,7 @@ class SceneRun:
                 seconds += (PROFILED_FRAMES + 1) * frame.get(point.name, 0.0)
             if self.study.reference is not None and not self.has_images(point):
                 seconds += SEEDS * self.study.settle * frame.get(point.name, 0.0) / self.executor.width
-        return seconds
+        return seconds + more_seconds(self)
 
     def check_budget(self, rest: float, how: str = "about") -> None:
         """Before anything is timed: a study that would take longer than it may says so now."""
@@ -394,7 +419,9 @@ class SceneRun:
         truth = {"whole": whole, "without": [((total - part) / (len(parts) - 1)).astype(np.float32) for part in stack]
                  if len(parts) > 1 else []}
         write_image(self.folder / f"reference_{slug(self.scene.name)}.npy", whole)
-        self.record.keep_reference(self, whole)
+        self.kept[REFERENCE] = digest("kept", images.fingerprint(whole))
+        if images.head_of(self.folder, self.kept[REFERENCE]) is None:
+            images.keep(self.folder, self.kept[REFERENCE], whole)
         known = digest(hashlib.sha256(whole.tobytes()).hexdigest(), len(parts), self.study.metrics, self.study.exposures,
                        self.study.tone_mapper, SEEDS)
         todo = []
@@ -403,6 +430,7 @@ class SceneRun:
             found = [each for each in found if each is not None]
             if found:
                 self.errors[point.name] = found[0]
+                self.keep_image(point, found[0]["machine"])
             else:
                 todo.append(point)
         items = [self.item("errors", point=self.told(self.image_of(point.name), point.variant), metrics=list(self.study.metrics), exposures=self.study.exposures,
@@ -412,11 +440,29 @@ class SceneRun:
             if answer.lost is not None:
                 self.lose(point.name, answer.lost)
                 continue
-            self.record.keep_image(self, point, answer.machine, answer.value.pop("image"))
+            self.keep_image(point, answer.machine, answer.value.pop("image"))
             self.errors[point.name] = answer.value | {"machine": answer.machine}
             self.store.put(self.errors_key(point, known, answer.machine), self.errors[point.name])
             self.store.put(self.images_key(point, answer.machine), {"point": point.name})
-        self.record.find_images(self)
+
+    def keep_image(self, point: Point, machine: str, image: np.ndarray | None = None) -> None:
+        """Of the first seed, for the report. A study of before reports has errors without it: then it is rendered again."""
+        key = self.kept[point.name] = digest("kept", self.keys[self.image_of(point.name)], machine)
+        if images.head_of(self.folder, key) is not None:
+            return
+        if image is None:
+            image = self.render_image(point, 0)
+        if image is not None:
+            images.keep(self.folder, key, image)
+
+    def render_image(self, point: Point, seed: int) -> np.ndarray | None:
+        """None if the point is lost by that."""
+        item = self.item("part", point=self.told(self.image_of(point.name), point.variant), seed=seed)
+        for _, answer in self.executor.run([item]):
+            if answer.lost is None:
+                return answer.value["image"]
+            self.lose(point.name, answer.lost)
+        return None
 
     def errors_key(self, point: Point, reference: str, machine: str) -> str:
         return digest("errors", self.keys[self.image_of(point.name)], machine, reference)
@@ -460,6 +506,9 @@ class SceneRun:
                     found = answer.value | {"machine": answer.machine}
                     self.store.put(key, found)
                 self.measured[point.name] = found
+            key = self.explained[point.name] = digest("explain", self.keys[point.name])
+            if self.store.get(key) is None and (explained := self.ask(point, "explain")) is not None:
+                self.store.put(key, explained["explain"])
 
     def measure_times(self) -> None:
         """Rounds of turns. A point that is lost on the way leaves; what it and the others finished stays."""
@@ -508,7 +557,7 @@ def duration(seconds: float) -> str:
 
 COLUMNS = ["study", "scene", "variant", "knobs", "state", "quantity", "unit", "value", "low", "high", "confidence", "samples",
            "against", "verdict", "difference", "difference_low", "difference_high", "floor", "smallest_seen", "is_on_front",
-           "formula", "note", "machine"]
+           "formula", "note", "machine", "dominated_by"]
 
 
 MEMORY = {
@@ -596,6 +645,39 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
     return rows, restless
 
 
+def made_by(run: SceneRun) -> dict:
+    """What made a scene's numbers: enough to make any of them again, and to show its image and its frame."""
+    reference = run.study.reference
+    values = [s.round_values(each["order"], [float(np.median(turn)) for turn in each["ms"]]) for each in run.rounds]
+    return {
+        "scene": run.scene.name, "file": absolute(run.scene.file), "camera": run.scene.camera, "time": run.scene.time,
+        "overlays": [absolute(each) for each in run.scene.overlays], "devices": run.executor.place()["devices"],
+        "arguments": [list(each) for each in run.scene.arguments], "device": run.options.device,
+        "reference": None if reference is None else {
+            "graph": absolute(reference.graph), "settings": list(reference.settings), "parts": reference.parts,
+            "image": run.kept.get(REFERENCE)},
+        "points": [{
+            "name": point.name, "variant": point.variant, "knobs": [list(each) for each in point.knobs],
+            "graph": absolute(point.graph), "settings": list(point.settings), "image": run.kept.get(point.name),
+            "explained": run.explained.get(point.name),
+            "device": run.measured.get(point.name, {}).get("device"),
+        } for point in run.study.points],
+        # Of each round the mean logarithm of milliseconds; the first point takes part twice.
+        "rounds": [{name: round(value, 7) for name, value in each.items()} for each in values],
+    }
+
+
+def absolute(file: str) -> str:
+    """A file's whole path; what comes with Heddle goes by its name."""
+    path = pathlib.Path(file)
+    return str(path.resolve()) if path.exists() else file
+
+
+def command_line() -> str:
+    """What was typed, as near as Python knows."""
+    return shlex.join(["heddle", *sys.argv[1:]] if sys.argv[1:2] == ["study"] else ["heddle", "study"])
+
+
 def is_finite(found: dict, metric: str) -> bool:
     return all(math.isfinite(each) for each in [*found["seeds"][metric], *found["parts"][metric]])
 
@@ -654,6 +736,13 @@ def mark_front(rows: list[dict], metric: str) -> None:
             errors[key]["is_on_front"] = not beaten
 
 
+def mark_dominated(rows: list[dict], found: list[dict], metric: str) -> None:
+    by = {(each["scene"], each["variant"], each["knobs"]): each["by"] for each in found}
+    for row in rows:
+        if row["quantity"] == metric and (row["scene"], row["variant"], row["knobs"]) in by:
+            row["dominated_by"] = by[row["scene"], row["variant"], row["knobs"]]
+
+
 def write_table(folder: pathlib.Path, rows: list[dict], report: dict) -> None:
     text = io.StringIO()
     table = csv.DictWriter(text, COLUMNS, restval="", lineterminator="\n")
@@ -699,14 +788,14 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
 
     with Host(options.device, log=lambda *_: None) as host:
         if options.role is not None:
-            if not options.files:
+            if not options.files and not options.scene:
                 raise Error(2, "error: --role needs a scene\n  help:     heddle study --role ambient_occlusion atrium.py")
-            study = definition.of_role(host, options.role, options.files, options.set)
+            study = definition.of_role(host, options.role, [*options.files, *options.scene], options.set, options.climb)
         elif len(options.files) != 1 or options.set:
             raise Error(2, "error: heddle study takes one study file, or --role ROLE with scenes\n  found:    "
                            f"{len(options.files)} files" + (" and --set" if options.set else ""))
         else:
-            study = definition.read(host, options.files[0])
+            study = definition.read(host, options.files[0], options.scene)
         return measure_study(options, host, study, say, stop)
 
 
@@ -731,17 +820,25 @@ def measure_study(options: argparse.Namespace, host: Host, study: Study, say: Ca
                              "  help:     --folder says where they go") from error
     executor = executor_of(options, folder, say, stop)
     try:
-        rows, restless = measure_scenes(study, options, folder, store, contents, host, executor, say, stop)
+        rows, restless, more = measure_scenes(study, options, folder, store, contents, host, executor, say, stop)
     finally:
         executor.close()
+    # They build on this module, and import it.
+    from . import cost_model, domination, leave_one_out, study_chart
     from . import report as page
-    from . import study_chart
 
     chart = study_chart.draw(study, rows, folder)
     print_summary(study, rows, restless)
+    domination.print_list(more["dominated"], study.metrics[0])
+    leave_one_out.print_table(more["leave_one_out"])
+    cost_model.print_models(more["cost_models"])
     for name in ("results.csv", "results.json"):
         say(f"wrote {folder / name}")
-    say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
+    over = study_chart.draw_over_scenes(study, rows, folder)
+    if over:
+        say(f"wrote {over}")
+    if chart or not over:
+        say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
     say(f"wrote {page.write(folder)}")
     return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
 
@@ -757,11 +854,15 @@ def executor_of(options: argparse.Namespace, folder: pathlib.Path, say: Callable
 
 
 def measure_scenes(study: Study, options: argparse.Namespace, folder: pathlib.Path, store: Store, contents: Contents, host: Host,
-                   executor: Here, say: Callable[[str], None], stop: Callable[[], None]) -> tuple[list[dict], dict[str, list[str]]]:
-    """All rows, and what speaks against the machine by scene. The tables are written after each scene."""
+                   executor: Here, say: Callable[[str], None], stop: Callable[[], None]
+                   ) -> tuple[list[dict], dict[str, list[str]], dict[str, list[dict]]]:
+    """All rows, what speaks against the machine by scene, and measure_more(). The tables are written after each scene."""
+    from . import leave_one_out
+
+    more: dict[str, list[dict]] = {}
+    made: list[dict] = []
     rows: list[dict] = []
     restless: dict[str, list[str]] = {}
-    made: list[dict] = []
     begun = time.monotonic()
     for number, scene in enumerate(study.scenes):
         run = SceneRun(study, scene, store, options, folder, host, executor, contents, say, stop,
@@ -775,19 +876,37 @@ def measure_scenes(study: Study, options: argparse.Namespace, folder: pathlib.Pa
         with executor.timing():
             run.measure_times()
             run.measure_passes()
-            run.record.explain(run)
+            found = measure_more(run)
         own_rows, restless[scene.name] = rows_of(run)
-        rows += own_rows
+        rows += own_rows + leave_one_out.table_rows(study.name, found["leave_one_out"])
         mark_front(rows, study.metrics[0])
-        made.append(run.record.made_by(run))
+        mark_dominated(rows, found["dominated"], study.metrics[0])
+        for key, each in found.items():
+            more.setdefault(key, []).extend(each)
+        made.append(made_by(run))
         machines = executor.machines()
         used = {row["machine"] for row in rows if row.get("machine")}
         report = {"study": dataclasses.asdict(study), "heddle": version(), "machine": executor.place()["machine"],
                   "machines": {each["id"]: each for each in machines if each["id"] in used},
                   "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER,
-                  "command": command_line(), "made_by": made}
+                  "command": command_line(), "made_by": made, "files": contents.known()} | more
         write_table(folder, finite(rows), report)
-    return rows, restless
+    return rows, restless, more
+
+
+def measure_more(run: SceneRun) -> dict[str, list[dict]]:
+    """What results.json has beside its rows, each key with a list that the study's scenes add to."""
+    from . import cost_model, domination, leave_one_out
+
+    return {"leave_one_out": leave_one_out.measure(run), "cost_models": cost_model.measure(run),
+            "dominated": domination.measure(run)}
+
+
+def more_seconds(run: SceneRun) -> float:
+    """What measure_more() will take."""
+    from . import cost_model, leave_one_out
+
+    return leave_one_out.estimate_seconds(run) + cost_model.estimate_seconds(run)
 
 
 def gate(rows: list[dict]) -> int:

@@ -27,11 +27,11 @@ from .study import extended
 def open_scene(host: Host, described: Mapping[str, Any]) -> tuple[Scene, Update, list[str]]:
     """A scene with its overlays and camera, at its time, what moves it, and the files that it was made of.
 
-    described: {"file", "overlays", "camera": name or None, "time"}
+    described: {"file", "arguments": [[name, value]] of a Python scene, "overlays", "camera": name or None, "time"}
     """
     scene = host.scene()
     try:
-        update = load_scene(scene, described["file"])
+        update = load_scene(scene, described["file"], arguments=dict(described["arguments"]))
         for overlay in described["overlays"]:
             scene.load(overlay)
         cameras = scene.describe().get("cameras", [])
@@ -92,6 +92,14 @@ class Worker:
             made.keep(keep)
         return {"files": made.files()}
 
+    def passes(self, point: str) -> dict:
+        """What became of each pass in a frame: [{"name", "role", "technique", "is_pruned", "reason"}]."""
+        graph = self.graphs[point]
+        graph.render(self._scene(), time=self.time, anew=True)
+        known = ("name", "role", "technique", "is_pruned", "reason")
+        return {"passes": [{key: each[key] for key in known} for each in json.loads(graph.explain("json"))["passes"]],
+                "output": graph.describe()["output"]}
+
     def render(self, point: str, frames: int, seed: int = 0, cut: bool = False) -> dict:
         """Frames that measure nothing but themselves: milliseconds from submission to fence of each."""
         graph, times = self.graphs[point], []
@@ -112,7 +120,13 @@ class Worker:
                 passes.setdefault(name, []).append(ms)
         graph.render(self._scene(), time=self.time, anew=True)
         stats = graph.stats()
-        return {"passes": passes, "memory": stats["memory"] | host_bytes(), "counters": stats["counters"], "device": stats["device"]}
+        return {"passes": passes, "memory": stats["memory"] | host_bytes(), "counters": stats["counters"], "device": stats["device"],
+                "counts": stats["counts"], "instances": stats["instances"]}
+
+    def ports(self, point: str, of: str) -> dict:
+        """Images that a pass makes."""
+        ports = self.graphs[point].describe()["ports"]
+        return {"images": [each["name"] for each in ports if each["type"] == "image" and each["name"].startswith(f"{of}.")]}
 
     def read(self, point: str, port: str, file: str) -> dict:
         """Writes a port of the last frame as an array of numpy, whole or not at all."""
@@ -129,8 +143,8 @@ class Worker:
         return {"shape": pixels.shape}
 
     def explain(self, point: str) -> dict:
-        """How a frame is planned: its passes, which of them are dropped and why, what they read and write, memory."""
-        self.graphs[point].render(self._scene(), time=self.time)  # the scene decides what is dropped
+        """How a frame is planned: its passes, which of them were dropped and why, what they read and write, memory."""
+        self.graphs[point].render(self._scene(), time=self.time, anew=True)
         return {"explain": json.loads(self.graphs[point].explain("json"))}
 
     def forget(self, point: str) -> dict:

@@ -12,7 +12,6 @@ import heddle
 from heddle import study as definition
 from heddle import study_images as images
 from heddle import study_items, study_run
-from heddle.study_record import Record
 
 
 def picture(width, height, channels, scene):
@@ -45,9 +44,9 @@ def write_study(folder, explain, variants=30, scenes=5, size=(64, 36), channels=
     for n, choice in enumerate(choices):
         reference = picture(*size, channels, n).astype(np.float16).astype(np.float32)
         names, errors, state, times = {}, {}, {}, {}
-        names[study_items.REFERENCE] = f"reference{n}"
-        images.keep(folder, names[study_items.REFERENCE], reference)
-        kept[n, study_items.REFERENCE] = reference
+        names[study_run.REFERENCE] = f"reference{n}"
+        images.keep(folder, names[study_run.REFERENCE], reference)
+        kept[n, study_run.REFERENCE] = reference
         for v, point in enumerate(all_points):
             if point.name in lost:
                 state[point.name] = ("crashed", "the process ended by SIGSEGV")
@@ -63,32 +62,30 @@ def write_study(folder, explain, variants=30, scenes=5, size=(64, 36), channels=
             rmse = float(np.sqrt(np.mean((image.astype(np.float64) - reference) ** 2)))
             found = {"rmse": [rmse], "ssim": [1 / (1 + 5 * rmse)]}
             errors[point.name] = {"seeds": found, "parts": {m: [e[0] * f for f in (0.99, 1.0, 1.01, 1.0)] for m, e in found.items()},
-                                  "is_random": False, "machine": "here"}
+                                  "is_random": False, "machine": "m"}
             times[point.name] = math.log(4.0 + 0.5 * v)
         alive = [point for point in all_points if point.name in times]
         turns = []
         for r in range(rounds):
-            order = [point.name for point in alive] + [study_items.AGAIN]
+            order = [point.name for point in alive] + [study_run.AGAIN]
             order += order[::-1]
             ms = [[math.exp(times.get(name, times[alive[0].name]) + 0.004 * random.standard_normal() + 0.02 * r)] * 3 for name in order]
             turns.append({"round": r, "order": order, "ms": ms})
         passes = [each["name"] for each in explain["passes"] if not each["is_pruned"]]
         measured = {point.name: {"passes": {name: [0.3 + 0.05 * i + 0.01 * k for k in range(7)] for i, name in enumerate(passes)},
                                  "memory": {"transient_bytes": 123456}, "counters": {"draws": 7},
-                                 "device": {"name": "made up", "driver": "none"}, "machine": "here"} for point in alive}
-        record = Record()
-        record.kept, record.explained = names, {point.name: "explained" for point in alive}
-        place = argparse.Namespace(place=lambda: {"devices": [{"name": "made up"}]})
+                                 "machine": "m", "device": {"name": "made up", "driver": "none"}} for point in alive}
         run = argparse.Namespace(
             study=study, scene=choice, state=state, rounds=turns, changing={}, measured=measured, errors=errors, foreign=0.01,
-            machine="here", graphs={"all": {"expected": {"heddle:plugins/gtao.so": 64 * "a"}}}, executor=place,
-            options=argparse.Namespace(device=None))
+            kept=names, explained={point.name: "explained" for point in alive}, machine="m",
+            executor=argparse.Namespace(place=lambda: {"devices": [{"name": "made up"}]}), options=argparse.Namespace(device=None))
         own, restless[choice.name] = study_run.rows_of(run)
         rows += own
-        made.append(record.made_by(run))
+        made.append(study_run.made_by(run))
     study_run.mark_front(rows, study.metrics[0])
     report = {"study": definition.dataclasses.asdict(study), "heddle": "0", "machine": study_items.machine(), "restless": restless,
-              "false_verdicts": 0.025, "power": 0.99, "command": "heddle study synthetic.toml", "made_by": made}
+              "false_verdicts": 0.025, "power": 0.99, "command": "heddle study synthetic.toml", "made_by": made,
+              "files": {"/nowhere/gtao.so": 64 * "a"}}
     study_run.write_table(folder, study_run.finite(rows), report)
     return kept
 

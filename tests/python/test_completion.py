@@ -37,6 +37,9 @@ def test_commands_and_options(bash):
     assert bash("heddle explain --format ") == ["dot", "json", "text"]
     assert bash("heddle completion ") == ["bash", "fish", "zsh"]
     assert bash("heddle schema s") == ["scene"]
+    assert bash("heddle study --role ao --climb ") == ["each", "together"]
+    assert bash("heddle baseline ") == ["check", "record"]
+    assert bash("heddle baseline check ambient") == ["ambient_occlusion"]
 
 
 def test_graphs_and_files(bash, tmp_path):
@@ -52,6 +55,7 @@ def test_roles_and_passes(bash):
     assert bash("heddle list ambient") == ["ambient_occlusion"]
     assert bash("heddle new-technique sha") == ["shadow"]
     assert bash("heddle explain deferred --why a") == ["ao"]
+    assert bash("heddle tune deferred --pass a") == ["ao"]
 
 
 def test_settings_are_completed_part_by_part(bash):

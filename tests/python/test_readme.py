@@ -121,6 +121,10 @@ def test_the_command_runs(words, folder, command):
         words += " --set 'extent=[32,18]'"
     if subcommand == "study":
         words += " --dry-run"  # minutes; test_study measures small ones
+    if subcommand == "tune":
+        words += " --dry-run"  # as long; test_tune makes times up
+    if subcommand == "baseline":
+        words = words.replace("ambient_occlusion", "ambient_occlusion/gtao") + " --folder baselines"
     if "--output" in words:
         named = [word.split("=")[-1] for word in shlex.split(words)[shlex.split(words).index("--output") + 1:][:1]]
         for name in named:

@@ -131,7 +131,7 @@ def test_less_room_means_fewer_bits_then_fewer_pixels(tmp_path, explain, monkeyp
 def test_worst_tiles_are_those_of_the_largest_mean_error(tmp_path, explain):
     kept = synthetic_study.write_study(tmp_path, explain, 2, 1, (100, 70))
     page = report.Page(tmp_path, json.loads((tmp_path / "results.json").read_text()))
-    image, reference = kept[0, "technique01"].copy(), kept[0, study_items.REFERENCE]
+    image, reference = kept[0, "technique01"].copy(), kept[0, study_run.REFERENCE]
     image[64:70, 96:100] += 9  # in a tile of 4 x 6 pixels, at the edge
     image[16:24, 40:48] += 5
     side, tiles = page.worst_tiles(report.Kept("x", "y", "rmse", False), image, reference, 3)
@@ -240,7 +240,7 @@ def test_a_study_leaves_a_page_with_its_numbers_and_images(studied, host):
 
 def test_a_study_that_was_measured_writes_the_same_page_again(studied, monkeypatch):
     before = report.points_of(studied / "report.html")
-    monkeypatch.setattr(study_items.Residents, "image", lambda *_: 1 // 0)
+    monkeypatch.setattr(study_run.SceneRun, "render_image", lambda *_: 1 // 0)
     assert study_run.run_study(options(files=[str(studied.parent / "small.toml")], folder=str(studied)), lambda: None) == 0
     after = report.points_of(studied / "report.html")
     assert {key: value for key, value in after.items() if key not in ("written", "command")} == {
@@ -328,7 +328,7 @@ def test_what_is_missing_or_no_report_is_told(studied, tmp_path, command):
         assert done.returncode == 2 and "is no report of a study" in done.stderr and said in done.stderr
 
     def moved(data):
-        data["scenes"][0]["choice"]["file"] = "/nowhere/scene.py"
+        data["scenes"][0]["file"] = "/nowhere/scene.py"
 
     with pytest.raises(heddle.Error, match="the study was made of /nowhere/scene.py, which is not here"):
         reproduce.reproduce(reproduce_options(changed_page(studied, tmp_path, moved), 1), lambda: None)
@@ -344,7 +344,7 @@ def test_the_command_reproduces(studied, command):
 
 def made_up_rounds(random, factor=1.0, row=1.0, spread=0.003, rounds=15):
     return [{name: math.log(ms * factor) + spread * random.standard_normal() for name, ms in
-             (("first", 10.0), (study_items.AGAIN, 10.0), ("row", 20.0 * row))} for _ in range(rounds)]
+             (("first", 10.0), (study_run.AGAIN, 10.0), ("row", 20.0 * row))} for _ in range(rounds)]
 
 
 @pytest.mark.parametrize(("factor", "row", "word"), [(1.0, 1.0, s.SAME), (2.5, 1.0, s.SAME), (1.0, 1.1, s.WORSE), (3.0, 0.9, s.BETTER)])

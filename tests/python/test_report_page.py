@@ -16,7 +16,7 @@ import synthetic_study
 from conftest import BUILD
 
 import heddle
-from heddle import report, study_items
+from heddle import report, study_run
 from heddle import study_images as images
 from test_report import quick_flip
 
@@ -282,7 +282,7 @@ def test_pixels_are_those_of_the_image_to_the_bit(page, study):
     tile = head["tiles"][0]
     x, y = tile["x"] + 1, tile["y"] + 2
     cursor_to(page, x, y)
-    image, reference = study.image("technique00 steps=2"), study.image(study_items.REFERENCE)
+    image, reference = study.image("technique00 steps=2"), study.image(study_run.REFERENCE)
     found = readout(page)
     assert not found["A is mean"] and not found["B is mean"]
     assert found["A"] == pytest.approx(image[y, x].tolist(), rel=1e-5)
@@ -310,7 +310,7 @@ def test_the_whole_image_comes_from_beside_the_page(page, study):
     found = readout(page)
     assert before["A"] != found["A"] and not found["A is mean"] and not found["B is mean"]
     assert found["A"] == pytest.approx(study.image("technique00 steps=4")[y, x].tolist(), rel=1e-5)
-    assert found["B"] == pytest.approx(study.image(study_items.REFERENCE)[y, x].tolist(), rel=1e-5)
+    assert found["B"] == pytest.approx(study.image(study_run.REFERENCE)[y, x].tolist(), rel=1e-5)
 
 
 def test_a_page_without_its_folder_says_what_is_missing(browser, study, tmp_path):
@@ -326,7 +326,7 @@ def test_a_page_without_its_folder_says_what_is_missing(browser, study, tmp_path
 def test_the_slider_parts_a_from_b(page, study):
     choose(page, "technique00 steps=2")
     click(page, "[data-mode='slider']")
-    image, reference = (images.halved(study.image(name)) for name in ("technique00 steps=2", study_items.REFERENCE))
+    image, reference = (images.halved(study.image(name)) for name in ("technique00 steps=2", study_run.REFERENCE))
     x, y = 40, 50
     tiles = study.data["images"]["image0x0"]["tiles"]
     assert not any(t["x"] <= x < t["x"] + 8 and t["y"] <= y < t["y"] + 8 for t in tiles)
@@ -352,7 +352,7 @@ def test_flicker_shows_one_then_the_other_and_never_fast(page, study):
     choose(page, "technique00 steps=2")
     focus_canvas(page)
     press(page, " ")  # stopped, one step
-    images_ = [images.halved(study.image(name)) for name in ("technique00 steps=2", study_items.REFERENCE)]
+    images_ = [images.halved(study.image(name)) for name in ("technique00 steps=2", study_run.REFERENCE)]
     x, y = 40, 50
     a, b = (encoded(image[y // 2, x // 2]) for image in images_)
     seen = [canvas_pixel(page, x, y)]
@@ -393,7 +393,7 @@ def test_maps_show_the_difference_and_flip(page, study):
     focus_canvas(page)
     press(page, "6")
     legend = one(page, "#ramp").text
-    a, b = (study.image(name) for name in ("technique00 steps=2", study_items.REFERENCE))
+    a, b = (study.image(name) for name in ("technique00 steps=2", study_run.REFERENCE))
     shown = [np.kron(images.halved(each), np.ones((2, 2, 1))) for each in (a, b)]
     tiles = study.data["images"]["image0x0"]["tiles"]
     for tile in tiles:
@@ -497,7 +497,7 @@ def test_passes_graph_and_memory_are_those_of_the_point(page, study):
 def test_what_leaving_out_saves_stands_beside_a_pass(browser, study, tmp_path):
     shutil.copytree(study.folder, tmp_path / "copy")
     results = json.loads((tmp_path / "copy" / "results.json").read_text())
-    results["leave_one_out"] = [{"scene": "cornell_box view0", "variant": "technique00", "knobs": "steps=2", "pass": "lighting",
+    results["leave_one_out"] = [{"scene": "cornell_box view0", "variant": "technique00 steps=2", "pass": "lighting",
                                  "cost_ms": [0.41, 0.47, 0.52], "own_ms": 0.4}]
     (tmp_path / "copy" / "results.json").write_text(json.dumps(results))
     browser.get(report.write(tmp_path / "copy").as_uri())

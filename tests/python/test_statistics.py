@@ -265,7 +265,7 @@ def test_numbers_are_never_made_of_nothing(call):
 def test_equal_processes_on_a_busy_machine_rarely_get_a_verdict(tmp_path, capsys):
     """20 studies of a technique against itself, in processes of its own, while another program computes."""
     point = {"graph": "studio", "settings": ["extent=[32,18]"], "keep": "ao.visibility"}
-    scene = {"file": "heddle:scripts/scenes/cornell_box.py", "camera": "front", "time": 0.0, "overlays": []}
+    scene = {"file": "heddle:scripts/scenes/cornell_box.py", "camera": "front", "time": 0.0, "overlays": [], "arguments": []}
     contents = study_items.Contents()
     with heddle.Host(log=lambda *_: None) as host, host.graph("studio", point["settings"]) as graph:
         made, _, files = study_worker.open_scene(host, {**scene, "file": study_items.own(scene["file"])})

@@ -6,8 +6,8 @@ import argparse
 import csv
 import json
 import os
+import pathlib
 import re
-import resource
 import shutil
 import signal
 import subprocess
@@ -22,7 +22,7 @@ from heddle import study as definition
 from heddle import study_items, study_run
 
 SMALL = """\
-title = "Small"
+leave_one_out = []
 role = "ambient_occlusion"
 graph = "studio"
 set = ["extent=[32,18]"]
@@ -49,7 +49,7 @@ parts = 4
 
 def options(**given):
     known = {"files": [], "role": None, "set": [], "folder": None, "device": None, "rounds": None, "budget": None,
-             "timeout": 120.0, "cluster": None, "dry_run": False, "gate": False, "quiet": True}
+             "timeout": 120.0, "cluster": None, "scene": [], "climb": "together", "dry_run": False, "gate": False, "quiet": True}
     return argparse.Namespace(**(known | given))
 
 
@@ -185,6 +185,7 @@ def test_a_role_without_an_image_asks_for_a_port(host, tmp_path):
 
 
 SHADOWS = """\
+leave_one_out = []
 role = "shadow"
 set = ["extent=[48,27]"]
 rounds = 7
@@ -619,17 +620,19 @@ def test_a_full_disk_is_said(tmp_path, monkeypatch):
     assert raised.value.status == 4
 
 
-def test_a_disk_that_is_full_for_a_variant_is_no_crash_of_it(command, tmp_path):
-    # Images of 128 x 72 are larger than any file may be; numbers and rounds are not.
-    def limited():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (16384, 16384))
+def test_a_disk_that_is_full_for_a_variant_is_no_crash_of_it(tmp_path, monkeypatch):
+    ask = study_items.Worker.ask
 
-    text = SMALL.replace("[32,18]", "[128,72]")
-    done = subprocess.run([command, "study", "-q", written(tmp_path, text), "--folder", str(tmp_path / "out")],
-                          capture_output=True, text=True, preexec_fn=limited)
-    assert done.returncode == 4, done.stderr
-    assert "files cannot be written or read: [Errno 27] File too large" in done.stderr and "crashed" not in done.stderr
-    assert "what was measured before is kept" in done.stderr
+    def into_a_full_disk(self, do, **arguments):
+        if do == "read":
+            pathlib.Path(f"{arguments['file']}.{self.process.pid}.partial").symlink_to("/dev/full")
+        return ask(self, do, **arguments)
+
+    monkeypatch.setattr(study_items.Worker, "ask", into_a_full_disk)
+    with pytest.raises(heddle.Error, match="files cannot be written or read: .*No space left on device: .*image.*\n  help:     what "
+                                           "was measured before is kept") as raised:
+        run(tmp_path)
+    assert raised.value.status == 4
     assert not [file.name for file in (tmp_path / "out").rglob("*") if "partial" in file.name or file.name.startswith(".image")]
 
 
@@ -676,18 +679,18 @@ def test_what_is_damaged_is_measured_again(tmp_path):
 
 
 def test_a_reference_may_be_an_image(host, tmp_path):
-    text = SMALL[:SMALL.index("[reference]")].replace("samples = [1, 4]", "samples = [1]") + '[reference]\nfile = "{scene}.pfm"\n'
-    assert ":20:1: error: there is no image '{scene}.pfm'".replace("{scene}", "cornell_box_front") in refusal(host, tmp_path, text)
-    (tmp_path / "cornell_box_front.pfm").write_text("no picture")
+    text = SMALL[:SMALL.index("[reference]")].replace("samples = [1, 4]", "samples = [1]") + '[reference]\nfile = "{scene}.exr"\n'
+    assert ":20:1: error: there is no image '{scene}.exr'".replace("{scene}", "cornell_box_front") in refusal(host, tmp_path, text)
+    (tmp_path / "cornell_box_front.exr").write_text("no picture")
     assert ":20:1: error: the reference cannot be read:\n    " in refusal(host, tmp_path, text)
-    host.write_image(tmp_path / "cornell_box_front.pfm", np.zeros((18, 30, 1)))
-    assert (":20:1: error: the reference '/cornell_box_front.pfm' is of another size than variant 'few'\n  found:    30 x 18\n"
+    host.write_image(tmp_path / "cornell_box_front.exr", np.zeros((18, 30, 1)))
+    assert (":20:1: error: the reference '/cornell_box_front.exr' is of another size than variant 'few'\n  found:    30 x 18\n"
             "  expected: 32 x 18") in refusal(host, tmp_path, text)
     assert ":21:1: error: 'parts' says how the reference is rendered" in refusal(host, tmp_path, text + "parts = 3\n")
-    two = text.replace("{scene}.pfm", "one.pfm").replace(
+    two = text.replace("{scene}.exr", "one.exr").replace(
         "[[variant]]", '[[scene]]\nfile = "cornell_box.py"\ncamera = "front"\ntime = 1\n[[variant]]', 1)
     assert "error: one image is the reference of several scenes" in refusal(host, tmp_path, two)
-    host.write_image(tmp_path / "cornell_box_front.pfm", np.full((18, 32, 1), 0.5))
+    host.write_image(tmp_path / "cornell_box_front.exr", np.full((18, 32, 1), 0.5))
     assert run(tmp_path, text) == 0
     row = next(row for row in table(tmp_path) if row["quantity"] == "rmse" and row["variant"] == "few")
     assert 0 < float(row["value"]) < 0.5

@@ -182,7 +182,7 @@ def test_whoever_has_other_files_refuses_and_names_them():
 def test_an_item_with_other_contents_is_refused_before_anything_is_rendered(host, tmp_path, monkeypatch):
     asked, ask = [], study_items.Worker.ask
     monkeypatch.setattr(study_items.Worker, "ask", lambda self, do, **a: asked.append(do) or ask(self, do, **a))
-    scene = {"file": "heddle:scripts/scenes/cornell_box.py", "camera": "front", "time": 0.0, "overlays": []}
+    scene = {"file": "heddle:scripts/scenes/cornell_box.py", "camera": "front", "time": 0.0, "overlays": [], "arguments": []}
     residents = study_items.Residents(scene, None, 60, tmp_path, lambda: None, study_items.Contents())
     point = {"name": "few", "owner": "few", "graph": "studio", "settings": ["extent=[32,18]"], "keep": "ao.visibility",
              "expected": {study_items.LIBRARY: "another"}}

@@ -99,7 +99,7 @@ class Page:
         points, scenes = [], []
         for number, made in enumerate(self.made):
             reference = made["reference"]
-            scenes.append({key: made[key] for key in ("scene", "choice", "devices", "device")}
+            scenes.append({key: made[key] for key in ("scene", "file", "arguments", "camera", "time", "overlays", "devices", "device")}
                           | {"reference": reference, "restless": self.results["restless"].get(made["scene"], [])})
             for point in made["points"]:
                 knobs = " ".join(f"{knob}={value}" for knob, value in point["knobs"])
@@ -129,7 +129,7 @@ class Page:
             "verdict": verdict(self.study, self.results["rows"], self.results["restless"]),
             "command": self.results.get("command", ""), "machine": self.results["machine"],
             "versions": {"heddle": self.results["heddle"], "Python": platform.python_version(), "numpy": np.__version__},
-            "files": {file: value[:16] for made in self.made for file, value in made["contents"].items()},
+            "files": {file: value[:16] for file, value in self.results.get("files", {}).items()},
             "rounds": [made["rounds"] for made in self.made],
             "false_verdicts": self.results["false_verdicts"], "power": self.results["power"],
             "written": datetime.datetime.now(datetime.timezone.utc).strftime("%Y-%m-%d %H:%M UTC"),

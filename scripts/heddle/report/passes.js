@@ -8,8 +8,7 @@ function passRows(point) {
 }
 function leftOut(point, name) {
   const scene = data.scenes[point.scene].scene;
-  return data.leave_one_out.find((each) => each.scene === scene && each.pass === name && each.cost_ms &&
-    `${each.variant} ${each.knobs || ''}`.trim() === point.name);
+  return data.leave_one_out.find((each) => each.scene === scene && (each.variant === point.name) && each.pass === name);
 }
 
 function showPasses() {
