@@ -34,7 +34,7 @@ int main(int argc, char** argv) {
         heddle::cli::run_in_python(argc, argv);
       }
     }
-    constexpr std::array<std::string_view, 3> kMeasures{"study", "tune", "baseline"};
+    constexpr std::array<std::string_view, 4> kMeasures{"study", "tune", "baseline", "reproduce"};
     if (argc > 1 && std::ranges::find(kMeasures, argv[1]) != kMeasures.end()) heddle::cli::run_in_python(argc, argv);
     heddle::cli::add_run(app, &status);
     heddle::cli::add_compare(app, &status);
@@ -47,6 +47,7 @@ int main(int argc, char** argv) {
     heddle::cli::add_study(app);
     heddle::cli::add_tune(app);
     heddle::cli::add_baseline(app);
+    heddle::cli::add_reproduce(app);
     heddle::cli::add_bench(app);
     heddle::cli::add_schema(app, &status);
     heddle::cli::add_completion(app, &status);

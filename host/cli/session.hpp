@@ -112,6 +112,7 @@ void add_completion(CLI::App& app, int* exit_status);
 void add_study(CLI::App& app);
 void add_tune(CLI::App& app);
 void add_baseline(CLI::App& app);
+void add_reproduce(CLI::App& app);
 void add_bench(CLI::App& app);  // never returns when it ran
 
 }  // namespace heddle::cli

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in
-Python; `python3 -m heddle study ...`: experiments.
+Python; `python3 -m heddle study ...`: experiments; `python3 -m heddle reproduce ...`: a
+point of one made again.
 
 A scene file defines `build(scene)`, called with an empty heddle.Scene, and if things move `update(scene, time)`.
 """
@@ -610,6 +611,12 @@ def baseline(arguments: argparse.Namespace) -> int:
     return keep_or_check(arguments, stop_if_asked)
 
 
+def reproduce(arguments: argparse.Namespace) -> int:
+    from .reproduce import reproduce as body
+
+    return body(arguments, stop_if_asked)
+
+
 def say(arguments: argparse.Namespace, text: str) -> None:
     if not arguments.quiet:
         print(text, file=sys.stderr)
@@ -690,6 +697,8 @@ def main() -> int:
     command.add_argument("--rounds", type=int, help="instead of the file's: more rounds see smaller differences")
     command.add_argument("--budget", type=float, help="minutes; a study that would take longer says so and ends before it "
                                                       "times anything")
+    command.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, whose workers do the work; local: workers "
+                                                              "of this machine alone")
     command.add_argument("--timeout", type=float, default=300, help="seconds after which a variant that does not answer "
                                                                     "counts as hung")
     command.add_argument("--dry-run", action="store_true", help="check the file, say what would be measured, render nothing")
@@ -740,6 +749,19 @@ def main() -> int:
     command.add_argument("--timeout", type=float, default=300, help="seconds after which a process that does not answer is hung")
     command.add_argument("--device", help="part of a device's name, or its index")
     command.add_argument("--quiet", "-q", action="store_true")
+    command = commands.add_parser("reproduce", allow_abbrev=False, help="make a point of a study's report again, and say whether it "
+                                                                       "is the same")
+    command.set_defaults(body=reproduce)
+    command.add_argument("file", help="report.html of a study")
+    command.add_argument("row", nargs="+", help="a row's number in the page, or a point's name and, where it is not clear, the "
+                                                "scene's")
+    command.add_argument("--output", "-o", help="write the image, too")
+    command.add_argument("--no-times", action="store_true", help="compare the image alone")
+    command.add_argument("--rounds", type=int, help="instead of the study's: more rounds see smaller differences")
+    command.add_argument("--device", help="part of a device's name, or its index; else the study's")
+    command.add_argument("--timeout", type=float, default=300, help="seconds after which a renderer that does not answer counts "
+                                                                    "as hung")
+    command.add_argument("--quiet", "-q", action="store_true")
     # Files and pixels may stand behind options too, where argparse leaves them over.
     try:
         arguments, words = parser.parse_known_args()
@@ -750,7 +772,10 @@ def main() -> int:
         if ended.code == 2 and "--gate" in sys.argv[2:] and sys.argv[1] == "study":
             return 4
         raise
-    arguments.files += words
+    if words and not hasattr(arguments, "files"):
+        parser.error(f"unrecognized arguments: {' '.join(words)}")
+    if words:
+        arguments.files += words
     for option in ("environment_scale", "environment_rotation"):
         if getattr(arguments, option, None) is not None and arguments.environment is None:
             parser.error(f"--{option.replace('_', '-')} requires --environment")
