@@ -113,7 +113,7 @@ class Completer {
 
   void positional(const CLI::App& command) {
     const std::string& name = command.get_name();
-    if (name == "run" || name == "check" || name == "explain" || name == "inspect" || name == "compare") {
+    if (name == "run" || name == "view" || name == "check" || name == "explain" || name == "inspect" || name == "compare") {
       for (const std::string& graph : shipped_graphs()) add(graph, "graph");
       files_ = true;
     } else if (name == "list" || (name == "new-technique" && positionals_.empty())) {
@@ -127,7 +127,7 @@ class Completer {
   }
 
   void value_of(const std::string& option) {
-    if (option == "set") {
+    if (option == "set" || option == "set-b") {
       setting();
     } else if (option == "why") {
       for (const Json& pass : graph()["passes"]) add(pass["name"].get<std::string>(), pass_help(pass));
@@ -140,6 +140,9 @@ class Completer {
           if (is_output(port)) add_start(port["name"].get<std::string>() + "=", "write this port");
     } else if (option == "swap") {
       swap();
+    } else if (option == "b") {
+      for (const std::string& graph : shipped_graphs()) add(graph, "graph");
+      files_ = true;
     } else if (option == "format") {
       for (const char* word : {"text", "json", "dot"}) add(word);
     } else if (option == "language") {
@@ -148,7 +151,7 @@ class Completer {
       for (const char* word : {"rmse=", "mse=", "relmse=", "psnr=", "mean_difference=", "maximum=", "percentile_99="})
         add_start(word);
     } else if (option == "scene" || option == "overlay" || option == "stats" || option == "difference" ||
-               option == "folder" || option == "plugins") {
+               option == "folder" || option == "plugins" || option == "script") {
       files_ = true;
     }
   }
