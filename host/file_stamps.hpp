@@ -20,8 +20,8 @@ using FileStamps = std::map<std::filesystem::path, FileStamp>;
 FileStamps stamps_of(const std::set<std::filesystem::path>& files);
 
 /// What to compare with next: files that were known keep the stamp they had in `seen`, when the waiting ended. Of those
-/// that came into `files` just now nobody knows whether they were read before or after a change since `began`: they count
-/// as changed.
+/// that came into `files` just now nobody knows whether they were read before or after a change since `began`: they
+/// count as changed.
 FileStamps stamps_after(const std::set<std::filesystem::path>& files, const FileStamps& seen,
                         std::filesystem::file_time_type began);
 

@@ -140,8 +140,7 @@ void RenderArguments::add_to(CLI::App& app, bool renders_frames) {
   app.add_option("--set", settings, "change the graph: ao.technique=gtao, ao.params.radius=1, extent=[640,360]")
       ->take_all()
       ->allow_extra_args(false);
-  if (renders_frames)
-    app.add_option("--frames", frames, "how many frames")->check(CLI::Range(1, 1000000));
+  if (renders_frames) app.add_option("--frames", frames, "how many frames")->check(CLI::Range(1, 1000000));
   app.add_option("--time", time, "scene time of the first frame, seconds");
   app.add_option("--animation", animation,
                  "name or number of the animation to play, or none (default: each file's first one)");

@@ -57,8 +57,10 @@ heddle_status open_host(void* user, heddle_view* view, heddle_host** out) {
     listener.log = [](void* told, std::uint32_t severity, const char* text) {
       const Viewer& one = *static_cast<Viewer*>(told);
       one.tell(one.view, severity, text);
-      if (severity == 0) fmt::print(stderr, "{}\n", text);
-      else say(one.arguments.host, text);
+      if (severity == 0)
+        fmt::print(stderr, "{}\n", text);
+      else
+        say(one.arguments.host, text);
     };
     listener.progress = [](void* told, const char* activity, double fraction) {
       const Viewer& one = *static_cast<Viewer*>(told);
@@ -95,14 +97,16 @@ heddle_view_run_function open_module(Viewer& viewer) {
   const std::filesystem::path file = named != nullptr && *named != '\0'
                                          ? std::filesystem::path(named)
                                          : program_folder().parent_path() / "lib" / "libheddle_view.so";
-  constexpr const char* kHelp = "install the Debian packages libglfw3, libgl1 and libstb0; where Heddle was built without its window, "
-                                "libglfw3-dev and libimgui-dev, and build again";
+  constexpr const char* kHelp =
+      "install the Debian packages libglfw3, libgl1 and libstb0; where Heddle was built without its window, "
+      "libglfw3-dev and libimgui-dev, and build again";
   // Never closed: OpenGL drivers keep threads.
   void* library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL | RTLD_NODELETE);
   if (library == nullptr) {
-    throw Failure{HEDDLE_UNSUPPORTED, fmt::format("error: the window's module cannot be opened\n  found:    {}\n  expected: {}\n  "
-                                                  "help:     {}",
-                                                  dlerror(), file.string(), kHelp)};
+    throw Failure{HEDDLE_UNSUPPORTED,
+                  fmt::format("error: the window's module cannot be opened\n  found:    {}\n  expected: {}\n  "
+                              "help:     {}",
+                              dlerror(), file.string(), kHelp)};
   }
   const auto run = reinterpret_cast<heddle_view_run_function>(dlsym(library, "heddle_view_run"));
   viewer.tell = reinterpret_cast<decltype(viewer.tell)>(dlsym(library, "heddle_view_tell"));
@@ -120,9 +124,10 @@ std::array<std::uint32_t, 2> window_size(const std::string& text) {
   char rest = '\0';
   if (std::sscanf(text.c_str(), "%ux%u%c", &size[0], &size[1], &rest) != 2 || size[0] < 320 || size[1] < 240 ||
       size[0] > 16384 || size[1] > 16384) {
-    throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: --window '{}' is no size of a window\n  expected: WIDTHxHEIGHT in pixels, "
-                                                "from 320x240 to 16384x16384",
-                                                text)};
+    throw Failure{HEDDLE_BAD_INPUT,
+                  fmt::format("error: --window '{}' is no size of a window\n  expected: WIDTHxHEIGHT in pixels, "
+                              "from 320x240 to 16384x16384",
+                              text)};
   }
   return size;
 }
@@ -134,8 +139,9 @@ int view(ViewArguments& arguments) {
   if (!arguments.swap.empty()) {
     const std::size_t equals = arguments.swap.find('='), comma = arguments.swap.find(',');
     if (equals == std::string::npos || comma == std::string::npos || comma < equals) {
-      throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: --swap '{}' is not PASS=A,B\n  help:     --swap ao=gtao,ray_traced",
-                                                  arguments.swap)};
+      throw Failure{
+          HEDDLE_BAD_INPUT,
+          fmt::format("error: --swap '{}' is not PASS=A,B\n  help:     --swap ao=gtao,ray_traced", arguments.swap)};
     }
     const std::string key = arguments.swap.substr(0, equals) + ".technique=";
     settings[0].push_back(key + arguments.swap.substr(equals + 1, comma - equals - 1));
@@ -191,12 +197,15 @@ void add_view(CLI::App& app, int* exit_status) {
   command->add_option("--set-b", arguments->settings_b, "show the graph against itself with this setting, as of --set")
       ->take_all()
       ->allow_extra_args(false);
-  command->add_option("--time-step", arguments->time_step, "seconds of scene time from frame to frame, while it plays (default: 1/60)");
-  command->add_option("--window", arguments->window, "WIDTHxHEIGHT in pixels (default: the picture in its own size, beside the panel)");
+  command->add_option("--time-step", arguments->time_step,
+                      "seconds of scene time from frame to frame, while it plays (default: 1/60)");
+  command->add_option("--window", arguments->window,
+                      "WIDTHxHEIGHT in pixels (default: the picture in its own size, beside the panel)");
   command->add_option("--script", arguments->script,
                       "file with what mouse and keys do, a command a line: wait, pause, click, slide, type, key, drag, "
                       "screenshot, state, quit; its end leaves the window open");
-  command->add_flag("--live", arguments->host.live, "wait for no frame before the next one; bytes may differ from run to run");
+  command->add_flag("--live", arguments->host.live,
+                    "wait for no frame before the next one; bytes may differ from run to run");
   command->callback([arguments, exit_status] { *exit_status = view(*arguments); });
 }
 

@@ -83,13 +83,14 @@ void Window::draw_pictures(ImVec2 low, ImVec2 high) {
   if (b) {
     const auto label = [&](const char* text, float x) {
       const ImVec2 at{std::max(x, low.x + 6), std::max(picture_low_.y, low.y) + 6};
-      list->AddRectFilled({at.x - 3, at.y - 2}, {at.x + ImGui::CalcTextSize(text).x + 3, at.y + 15}, IM_COL32(0, 0, 0, 150));
+      list->AddRectFilled({at.x - 3, at.y - 2}, {at.x + ImGui::CalcTextSize(text).x + 3, at.y + 15},
+                          IM_COL32(0, 0, 0, 150));
       list->AddText(at, IM_COL32(255, 255, 255, 255), text);
     };
     if (mode == Mode::kA || mode == Mode::kWipe) label("A", picture_low_.x + 6);
     if (mode == Mode::kWipe) label("B", std::min(picture_high_.x, high.x) - 14);
     if (mode == Mode::kB) label("B", picture_low_.x + 6);
-    if (mode == Mode::kDifference) label(difference_text_.c_str(), picture_low_.x + 6);
+    if (mode == Mode::kDifference) label(fmt::format("|A - B| x {:.0f}", gain_).c_str(), picture_low_.x + 6);
   }
 }
 
@@ -98,8 +99,8 @@ ImVec2 Window::pixel_at(ImVec2 mouse) const {
   if (!a || picture_high_.x <= picture_low_.x) return {-1, -1};
   const float scale = (picture_high_.x - picture_low_.x) / static_cast<float>(a->width);
   const ImVec2 pixel{std::floor((mouse.x - picture_low_.x) / scale), std::floor((mouse.y - picture_low_.y) / scale)};
-  const bool is_inside = pixel.x >= 0 && pixel.y >= 0 && pixel.x < static_cast<float>(a->width) &&
-                         pixel.y < static_cast<float>(a->height);
+  const bool is_inside =
+      pixel.x >= 0 && pixel.y >= 0 && pixel.x < static_cast<float>(a->width) && pixel.y < static_cast<float>(a->height);
   return is_inside ? pixel : ImVec2{-1, -1};
 }
 
@@ -122,28 +123,27 @@ void Window::level_camera() {
 /// It is followed, if an animation moves it, until somebody flies.
 void Window::use_scene_camera(int id) {
   scene_camera_ = id;
-  camera_order_ = last_order_ = session_.order(
-      "camera", [id](Session& session) { session.use_camera(static_cast<std::uint32_t>(id)); });
+  camera_order_ = last_order_ =
+      session_.order("camera", [id](Session& session) { session.use_camera(static_cast<std::uint32_t>(id)); });
 }
 
 void Window::mouse_in_picture(ImVec2 canvas_low, ImVec2 canvas_high) {
   ImGuiIO& io = ImGui::GetIO();
   ImGui::SetCursorScreenPos(canvas_low);
-  ImGui::InvisibleButton("canvas", {canvas_high.x - canvas_low.x, canvas_high.y - canvas_low.y},
-                         ImGuiButtonFlags_MouseButtonLeft | ImGuiButtonFlags_MouseButtonRight |
-                             ImGuiButtonFlags_MouseButtonMiddle);
+  ImGui::InvisibleButton(
+      "canvas", {canvas_high.x - canvas_low.x, canvas_high.y - canvas_low.y},
+      ImGuiButtonFlags_MouseButtonLeft | ImGuiButtonFlags_MouseButtonRight | ImGuiButtonFlags_MouseButtonMiddle);
   is_hovered_ = ImGui::IsItemHovered();
   const auto& a = report_.variants[0].picture;
   if (!a) return;
   const float width = picture_high_.x - picture_low_.x;
   const float wipe_x = picture_low_.x + wipe_ * width;
-  const bool is_near_wipe = report_.variants[1].picture && mode_ == Mode::kWipe && std::abs(io.MousePos.x - wipe_x) <= kNearWipe;
+  const bool is_near_wipe =
+      report_.variants[1].picture && mode_ == Mode::kWipe && std::abs(io.MousePos.x - wipe_x) <= kNearWipe;
   if (is_hovered_ && is_near_wipe && drag_ == Drag::kNone) ImGui::SetMouseCursor(ImGuiMouseCursor_ResizeEW);
   if (ImGui::IsItemActivated()) {
     ImGui::SetWindowFocus();
-    drag_ = io.MouseDown[2]                   ? Drag::kPan
-            : io.MouseDown[0] && is_near_wipe ? Drag::kWipe
-                                              : Drag::kLook;
+    drag_ = io.MouseDown[2] ? Drag::kPan : io.MouseDown[0] && is_near_wipe ? Drag::kWipe : Drag::kLook;
     take_camera();
   }
   if (ImGui::IsItemActive()) {
@@ -155,9 +155,9 @@ void Window::mouse_in_picture(ImVec2 canvas_low, ImVec2 canvas_high) {
       pan_.y += io.MouseDelta.y;
     } else if (drag_ == Drag::kLook && has_moved && camera_.struct_size != 0) {
       // What is under the mouse, near the middle, stays under it.
-      const double turn = camera_.is_orthographic != 0
-                              ? kOrthographicTurn
-                              : 2 * std::tan(camera_.vertical_angle / 2) / static_cast<double>(picture_high_.y - picture_low_.y);
+      const double turn = camera_.is_orthographic != 0 ? kOrthographicTurn
+                                                       : 2 * std::tan(camera_.vertical_angle / 2) /
+                                                             static_cast<double>(picture_high_.y - picture_low_.y);
       look(camera_, io.MouseDelta.x * turn, io.MouseDelta.y * turn);
       send_camera();
     }
@@ -177,8 +177,8 @@ void Window::mouse_in_picture(ImVec2 canvas_low, ImVec2 canvas_high) {
 
 bool Window::is_flying() const {
   if (ImGui::GetIO().WantTextInput) return false;
-  for (const int key : {GLFW_KEY_W, GLFW_KEY_A, GLFW_KEY_S, GLFW_KEY_D, GLFW_KEY_Q, GLFW_KEY_E, GLFW_KEY_LEFT, GLFW_KEY_RIGHT,
-                        GLFW_KEY_UP, GLFW_KEY_DOWN})
+  for (const int key : {GLFW_KEY_W, GLFW_KEY_A, GLFW_KEY_S, GLFW_KEY_D, GLFW_KEY_Q, GLFW_KEY_E, GLFW_KEY_LEFT,
+                        GLFW_KEY_RIGHT, GLFW_KEY_UP, GLFW_KEY_DOWN})
     if (ImGui::IsKeyDown(key)) return true;
   return false;
 }
@@ -199,11 +199,13 @@ void Window::fly_by_keys() {
   if (!is_flying() || camera_.struct_size == 0) return;
   const ImGuiIO& io = ImGui::GetIO();
   const double seconds = std::min(static_cast<double>(io.DeltaTime), 0.1);
-  const double pace = speed_ * seconds * (ImGui::IsKeyDown(GLFW_KEY_LEFT_SHIFT) ? 4.0 : 1.0) * (io.KeyCtrl ? 0.25 : 1.0);
+  const double pace =
+      speed_ * seconds * (ImGui::IsKeyDown(GLFW_KEY_LEFT_SHIFT) ? 4.0 : 1.0) * (io.KeyCtrl ? 0.25 : 1.0);
   const auto axis = [](int more, int less) {
     return (ImGui::IsKeyDown(more) ? 1.0 : 0.0) - (ImGui::IsKeyDown(less) ? 1.0 : 0.0);
   };
-  move(camera_, pace * axis(GLFW_KEY_D, GLFW_KEY_A), pace * axis(GLFW_KEY_E, GLFW_KEY_Q), pace * axis(GLFW_KEY_W, GLFW_KEY_S));
+  move(camera_, pace * axis(GLFW_KEY_D, GLFW_KEY_A), pace * axis(GLFW_KEY_E, GLFW_KEY_Q),
+       pace * axis(GLFW_KEY_W, GLFW_KEY_S));
   look(camera_, seconds * axis(GLFW_KEY_LEFT, GLFW_KEY_RIGHT), seconds * axis(GLFW_KEY_UP, GLFW_KEY_DOWN));
   send_camera();
 }
@@ -264,6 +266,7 @@ void Window::status_bar(ImVec2 low, ImVec2 high) {
     text += "   ";
   }
   text += !report_.activity.empty() ? report_.activity : report_.is_settled ? "at rest" : "rendering";
+  if (report_.variants[1].picture && mode_ == Mode::kDifference) text += "   " + difference_text_;
   const ImVec2 pixel = is_hovered_ ? pixel_at(ImGui::GetIO().MousePos) : ImVec2{-1, -1};
   if (pixel.x >= 0) {
     text += fmt::format("   ({:.0f}, {:.0f})", pixel.x, pixel.y);

@@ -76,8 +76,8 @@ void level(heddle_camera& camera) {
   const double run = std::hypot(axes.forward[0], axes.forward[2]);
   // Looking straight up or down, what points up in the picture is where the view was heading.
   const double sign = axes.forward[1] > 0 ? -1.0 : 1.0;
-  const double yaw = run > 1e-9 ? std::atan2(-axes.forward[0], -axes.forward[2])
-                                : std::atan2(-sign * axes.up[0], -sign * axes.up[2]);
+  const double yaw =
+      run > 1e-9 ? std::atan2(-axes.forward[0], -axes.forward[2]) : std::atan2(-sign * axes.up[0], -sign * axes.up[2]);
   const double pitch = pitch_of(axes);
   set(camera, product({0, std::sin(yaw / 2), 0, std::cos(yaw / 2)}, {std::sin(pitch / 2), 0, 0, std::cos(pitch / 2)}));
 }
@@ -92,9 +92,9 @@ std::string overlay_text(const heddle_camera& camera, const std::string& name) {
     escaped += c;
   }
   // A number of TOML without a point is an integer, which the overlay takes as well.
-  std::string text = fmt::format("[[camera]]\nname = \"{}\"\nposition = [{}, {}, {}]\ntarget = [{}, {}, {}]\n", escaped,
-                                 camera.position[0], camera.position[1], camera.position[2], target[0], target[1],
-                                 target[2]);
+  std::string text =
+      fmt::format("[[camera]]\nname = \"{}\"\nposition = [{}, {}, {}]\ntarget = [{}, {}, {}]\n", escaped,
+                  camera.position[0], camera.position[1], camera.position[2], target[0], target[1], target[2]);
   text += fmt::format("{} = {}\n", camera.is_orthographic != 0 ? "orthographic_half_height" : "vertical_angle",
                       camera.vertical_angle);
   if (camera.near_distance > 0) text += fmt::format("near = {}\n", camera.near_distance);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Flying a camera: looking and moving in float64, so that a step of a millimetre holds 100 km from the origin. +Y is up.
+// Flying a camera: looking and moving in float64, so that a step of a millimetre holds 100 km from the origin. +Y is
+// up.
 #pragma once
 
 #include <heddle/heddle.h>

@@ -10,6 +10,7 @@ namespace {
 
 // How near to a step of the ladder, in steps, the slider is drawn to it.
 constexpr double kDetent = 0.15;
+constexpr double kDigits = 3;
 // Ranges that say "any length" are no help: a slider then covers this many times the default, and a field the rest.
 constexpr double kMuch = 100, kMany = 4;
 
@@ -30,7 +31,11 @@ Track::Track(const Json& parameter) : is_integer_(parameter.at("type") == "int")
 }
 
 double Track::rounded(double value) const {
-  return is_integer_ ? std::round(value) : value;
+  if (is_integer_) return std::round(value);
+  // A pixel of a slider is worth no more digits than these.
+  if (value == 0) return 0;
+  const double unit = std::pow(10.0, kDigits - 1 - std::floor(std::log10(std::abs(value))));
+  return std::clamp(std::round(value * unit) / unit, std::min(low_, high_), std::max(low_, high_));
 }
 
 double Track::between(double a, double b, double t) const {

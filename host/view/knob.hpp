@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where a parameter's value stands on its slider: along its ladder if it has one, else evenly or by factors over the part
-// of its range that one would want.
+// Where a parameter's value stands on its slider: along its ladder if it has one, else evenly or by factors over the
+// part of its range that one would want.
 #pragma once
 
 #include "json.hpp"

@@ -90,7 +90,8 @@ void Session::measure(Variant variant, const std::string& pass, const std::strin
         std::vector<const char*> settings;
         for (const std::string& text : texts) settings.push_back(text.c_str());
         heddle_graph* made = nullptr;
-        check(heddle_graph_load(host_, side.file.c_str(), settings.data(), static_cast<std::uint32_t>(settings.size()), &made));
+        check(heddle_graph_load(host_, side.file.c_str(), settings.data(), static_cast<std::uint32_t>(settings.size()),
+                                &made));
         graphs.back().reset(made);
         for (int frame = 0; frame < kWarmUpFrames; ++frame) render(step, false);
       } catch (const Error& error) {

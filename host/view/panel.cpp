@@ -32,6 +32,10 @@ std::string number_text(double value) {
   return fmt::format("{:.5g}", value);
 }
 
+std::string ms_text(double ms) {
+  return fmt::format("{:.{}f}", ms, ms < 10 ? 2 : ms < 100 ? 1 : 0);
+}
+
 /// A value of the parameter as people read it.
 std::string value_text(const Json& value) {
   if (value.is_number_float()) return number_text(value.get<double>());
@@ -43,15 +47,17 @@ std::string help_of(const Json& parameter) {
   const std::string type = parameter.at("type").get<std::string>();
   const std::string unit = parameter.value("unit", std::string{});
   if (type == "float" || type == "int" || type == "float3" || type == "color") {
-    text += fmt::format("\n{} to {}{}", number_text(parameter.at("minimum").get<double>()),
-                        number_text(parameter.at("maximum").get<double>()), unit == "1" || unit.empty() ? "" : " " + unit);
+    text +=
+        fmt::format("\n{} to {}{}", number_text(parameter.at("minimum").get<double>()),
+                    number_text(parameter.at("maximum").get<double>()), unit == "1" || unit.empty() ? "" : " " + unit);
   }
   const Json ladder = parameter.value("ladder", Json::array());
   if (!ladder.empty()) {
     text += "\na knob, from cheap to accurate:";
     for (const Json& step : ladder) {
       const auto index = static_cast<std::size_t>(step.get<double>());
-      text += " " + (type == "choice" ? parameter.at("choices").at(index).get<std::string>() : number_text(step.get<double>()));
+      text += " " + (type == "choice" ? parameter.at("choices").at(index).get<std::string>()
+                                      : number_text(step.get<double>()));
     }
   }
   return text;
@@ -148,6 +154,12 @@ void Window::passes_tab() {
   const VariantReport& variant = report_.variants[edited()];
   if (!report_.list || !variant.is_there) return;
   ImGui::TextColored(kFaint, "%s: %s", kVariantNames[edited()], variant.graph.c_str());
+  const Json extent = shown_value("extent", variant.description.at("extent"));
+  std::array<int, 2> size{extent.at(0).get<int>(), extent.at(1).get<int>()};
+  ImGui::SetNextItemWidth(140);
+  if (ImGui::InputInt2("extent", size.data(), ImGuiInputTextFlags_EnterReturnsTrue))
+    set("extent", fmt::format("[{},{}]", size[0], size[1]));
+  mark("extent");
   const Json& presets = variant.description.at("presets");
   if (!presets.empty()) ImGui::Separator();
   for (const auto& [name, told] : presets.items()) {
@@ -156,7 +168,8 @@ void Window::passes_tab() {
     if (value.is_number()) {
       double number = value.get<double>();
       ImGui::SetNextItemWidth(140);
-      if (ImGui::InputDouble(name.c_str(), &number, 0, 0, "%.6g", ImGuiInputTextFlags_EnterReturnsTrue | ImGuiInputTextFlags_AutoSelectAll))
+      if (ImGui::InputDouble(name.c_str(), &number, 0, 0, "%.9g",
+                             ImGuiInputTextFlags_EnterReturnsTrue | ImGuiInputTextFlags_AutoSelectAll))
         set(key, value.is_number_integer() && number == std::floor(number)
                      ? write_json(Json(static_cast<std::int64_t>(number)))
                      : write_json(Json(number)));
@@ -255,9 +268,9 @@ void Window::parameter_row(const Json& pass, const Json& parameter) {
     std::array<float, 3> numbers{};
     for (std::size_t i = 0; i < 3; ++i) numbers[i] = value[i].get<float>();
     const auto low = parameter.at("minimum").get<float>(), high = parameter.at("maximum").get<float>();
-    const bool is_changed =
-        type == "color" ? ImGui::ColorEdit3("##value", numbers.data(), ImGuiColorEditFlags_Float | ImGuiColorEditFlags_HDR)
-                        : ImGui::DragFloat3("##value", numbers.data(), 0.005F, low, high, "%.4g");
+    const bool is_changed = type == "color" ? ImGui::ColorEdit3("##value", numbers.data(),
+                                                                ImGuiColorEditFlags_Float | ImGuiColorEditFlags_HDR)
+                                            : ImGui::DragFloat3("##value", numbers.data(), 0.005F, low, high, "%.4g");
     // What the widget makes of a number is a float32: its own shortest digits, not those of its float64.
     if (is_changed) set(key, fmt::format("[{},{},{}]", numbers[0], numbers[1], numbers[2]));
     mark(key);
@@ -280,7 +293,8 @@ void Window::numeric_widget(const std::string& key, const Json& parameter, const
   const Track track(parameter);
   const double number = value.is_number() ? value.get<double>() : 0;
   const auto text_of = [&](double wanted) {
-    return track.is_integer() ? write_json(Json(static_cast<std::int64_t>(std::llround(wanted)))) : write_json(Json(wanted));
+    return track.is_integer() ? write_json(Json(static_cast<std::int64_t>(std::llround(wanted))))
+                              : write_json(Json(wanted));
   };
   constexpr float kField = 62;
   ImGui::SetNextItemWidth(200 - kField - ImGui::GetStyle().ItemInnerSpacing.x);
@@ -300,7 +314,8 @@ void Window::numeric_widget(const std::string& key, const Json& parameter, const
     const ImVec2 low = ImGui::GetItemRectMin(), high = ImGui::GetItemRectMax();
     const float pad = 2 + 0.5F * ImGui::GetStyle().GrabMinSize;
     for (std::size_t i = 0; i < track.ladder().size(); ++i) {
-      const float x = low.x + pad + (high.x - low.x - 2 * pad) * static_cast<float>(i) / static_cast<float>(track.end());
+      const float x =
+          low.x + pad + (high.x - low.x - 2 * pad) * static_cast<float>(i) / static_cast<float>(track.end());
       ImGui::GetWindowDrawList()->AddLine({x, high.y - 4}, {x, high.y}, ImGui::GetColorU32(kKnobColor));
     }
   }
@@ -308,8 +323,9 @@ void Window::numeric_widget(const std::string& key, const Json& parameter, const
   ImGui::SetNextItemWidth(kField);
   std::string& typed = typed_[key];
   if (last_field_ != key) typed = write_json(value);
-  if (ImGui::InputText("##field", &typed, ImGuiInputTextFlags_EnterReturnsTrue | ImGuiInputTextFlags_AutoSelectAll |
-                                              ImGuiInputTextFlags_CharsScientific))
+  if (ImGui::InputText("##field", &typed,
+                       ImGuiInputTextFlags_EnterReturnsTrue | ImGuiInputTextFlags_AutoSelectAll |
+                           ImGuiInputTextFlags_CharsScientific))
     set(key, typed);
   if (ImGui::IsItemActive()) field_ = key;
   mark(key + "/field");
@@ -322,9 +338,8 @@ void Window::cost_cell(const Json& pass, const Json& parameter, const Json& valu
   const VariantReport& variant = report_.variants[edited()];
   const auto found = variant.costs.find(key);
   if (ImGui::SmallButton("time")) {
-    last_order_ = session_.order("measure " + key, [v = edited(), pass_name, name](Session& session) {
-      session.measure(v, pass_name, name);
-    });
+    last_order_ = session_.order(
+        "measure " + key, [v = edited(), pass_name, name](Session& session) { session.measure(v, pass_name, name); });
   }
   mark(key + "/time");
   tip("times the frame with each step of the ladder for this view; the steps take turns. Escape stops it");
@@ -339,7 +354,9 @@ void Window::cost_cell(const Json& pass, const Json& parameter, const Json& valu
   const bool is_present = rest == costs.situation;
   const auto here = std::ranges::find(costs.steps, value, &Cost::value);
   ImGui::SameLine();
-  const std::string shown = here == costs.steps.end() ? "-" : !here->error.empty() ? "error" : fmt::format("{:.1f} ms", here->ms.value);
+  const std::string shown = here == costs.steps.end() ? "-"
+                            : !here->error.empty()    ? "error"
+                                                      : ms_text(here->ms.value) + " ms";
   if (is_present)
     ImGui::TextUnformatted(shown.c_str());
   else
@@ -347,12 +364,13 @@ void Window::cost_cell(const Json& pass, const Json& parameter, const Json& valu
   std::string table = is_present ? "the frame, from its first submission to its last fence:\n"
                                  : "of another view, or with other settings, than now:\n";
   for (const Cost& cost : costs.steps)
-    table += cost.error.empty()
-                 ? fmt::format("{:>10}  {:8.2f} ms  [{:.2f}, {:.2f}]\n", value_text(cost.value), cost.ms.value, cost.ms.low, cost.ms.high)
-                 : fmt::format("{:>10}  {}\n", value_text(cost.value), cost.error);
+    table += cost.error.empty() ? fmt::format("{:>10}  {:8.2f} ms  [{:.2f}, {:.2f}]\n", value_text(cost.value),
+                                              cost.ms.value, cost.ms.low, cost.ms.high)
+                                : fmt::format("{:>10}  {}\n", value_text(cost.value), cost.error);
   for (const Cost& cost : costs.steps) {
     if (!cost.error.empty()) continue;
-    table += fmt::format("medians of frames that took turns, with what holds them at {:.0f} %", 100 * cost.ms.confidence);
+    table +=
+        fmt::format("medians of frames that took turns, with what holds them at {:.0f} %", 100 * cost.ms.confidence);
     break;
   }
   tip(table);
@@ -369,8 +387,9 @@ void Window::cost_cell(const Json& pass, const Json& parameter, const Json& valu
     ImDrawList* list = ImGui::GetWindowDrawList();
     const ImU32 color = is_here ? IM_COL32(255, 200, 90, 110) : IM_COL32(110, 140, 190, is_present ? 90 : 40);
     list->AddRectFilled({at.x, at.y}, {part(cost.ms.value), at.y + height - 1}, color);
-    list->AddLine({part(cost.ms.low), at.y + height / 2}, {part(cost.ms.high), at.y + height / 2}, IM_COL32(255, 255, 255, 130));
-    ImGui::Text("%s: %.1f", value_text(cost.value).c_str(), cost.ms.value);
+    list->AddLine({part(cost.ms.low), at.y + height / 2}, {part(cost.ms.high), at.y + height / 2},
+                  IM_COL32(255, 255, 255, 130));
+    ImGui::Text("%s: %s", value_text(cost.value).c_str(), ms_text(cost.ms.value).c_str());
   }
 }
 
@@ -404,11 +423,18 @@ void Window::times_tab() {
         }
         ImGui::EndTable();
       }
+      const bool is_seen = times.looked_at_ms.low > times.frame_ms.high;
+      const std::string cost =
+          is_seen ? fmt::format("looking costs {} ms", ms_text(times.looked_at_ms.value - times.frame_ms.value))
+                  : std::string("what looking costs is less than what these frames differ by");
       ImGui::TextWrapped(
-          "Frame: %.2f ms [%.2f, %.2f]. Looked at stage by stage, each submitted and waited for alone: %.2f ms [%.2f, %.2f], "
-          "so looking costs %.2f ms, and the sum of the stages is not a frame's time. Medians of frames that took turns.",
-          times.frame_ms.value, times.frame_ms.low, times.frame_ms.high, times.looked_at_ms.value, times.looked_at_ms.low,
-          times.looked_at_ms.high, times.looked_at_ms.value - times.frame_ms.value);
+          "Frame: %s ms [%s, %s]. Looked at stage by stage, each submitted and waited for alone: %s ms [%s, %s]; %s, "
+          "and the "
+          "sum of the stages is no frame's time. Medians of frames that took turns, with what holds them at %.0f %%.",
+          ms_text(times.frame_ms.value).c_str(), ms_text(times.frame_ms.low).c_str(),
+          ms_text(times.frame_ms.high).c_str(), ms_text(times.looked_at_ms.value).c_str(),
+          ms_text(times.looked_at_ms.low).c_str(), ms_text(times.looked_at_ms.high).c_str(), cost.c_str(),
+          100 * times.frame_ms.confidence);
     }
     ImGui::Separator();
     ImGui::PopID();
@@ -452,7 +478,8 @@ void Window::explain_tab() {
 }
 
 void Window::pixel_tab() {
-  ImGui::TextWrapped("Press I over a pixel of the picture: what every image port held there, in the order of execution.");
+  ImGui::TextWrapped(
+      "Press I over a pixel of the picture: what every image port held there, in the order of execution.");
   ImGui::BeginChild("text", {0, 0}, true, ImGuiWindowFlags_HorizontalScrollbar);
   for (Variant v = 0; v < kVariants; ++v) {
     const std::string& text = report_.variants[v].inspection;
@@ -473,9 +500,11 @@ void Window::scene_tab() {
   if (!ImGui::IsAnyItemActive()) time_edit_ = time;
   ImGui::SetNextItemWidth(220);
   if (ImGui::SliderFloat("time", &time_edit_, 0, end > 0 ? static_cast<float>(end) : 60.0F, "%.3f s"))
-    last_order_ = session_.order("time", [to = static_cast<double>(time_edit_)](Session& session) { session.go_to(to); });
+    last_order_ =
+        session_.order("time", [to = static_cast<double>(time_edit_)](Session& session) { session.go_to(to); });
   mark("time");
-  if (ImGui::Button("forget the past (X)")) last_order_ = session_.order("cut", [](Session& session) { session.cut(); });
+  if (ImGui::Button("forget the past (X)"))
+    last_order_ = session_.order("cut", [](Session& session) { session.cut(); });
   mark("cut");
   ImGui::Separator();
   ImGui::Text("camera at  %.4f  %.4f  %.4f m", camera_.position[0], camera_.position[1], camera_.position[2]);

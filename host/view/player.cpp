@@ -71,12 +71,13 @@ void Window::fail_script(const std::string& message, const std::string& found, c
   std::vector<std::string> names;
   for (const auto& [name, widget] : widgets_) names.push_back(name);
   const std::string near = nearest_name(found, names);
-  throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
-                                           {player_->file(), static_cast<std::uint32_t>(line), 1},
-                                           message,
-                                           found,
-                                           expected,
-                                           near.empty() || near == found ? "" : fmt::format("did you mean '{}'?", near)});
+  throw Error(HEDDLE_BAD_INPUT,
+              Diagnostic{Severity::kError,
+                         {player_->file(), static_cast<std::uint32_t>(line), 1},
+                         message,
+                         found,
+                         expected,
+                         near.empty() || near == found ? "" : fmt::format("did you mean '{}'?", near)});
 }
 
 /// Before a frame: what the script does in it.
@@ -136,7 +137,8 @@ void Window::play_script() {
           if (line.kind == Kind::kSlide) {
             // The grab of a slider has half its width to both sides of the track.
             const float pad = widget->has_grab ? 0.0F : 2.0F + 0.5F * ImGui::GetStyle().GrabMinSize;
-            p.to_.x = widget->low.x + pad + static_cast<float>(line.numbers[0]) * (widget->high.x - widget->low.x - 2 * pad);
+            p.to_.x =
+                widget->low.x + pad + static_cast<float>(line.numbers[0]) * (widget->high.x - widget->low.x - 2 * pad);
             p.from_ = widget->has_grab ? widget->grab : p.to_;
             if (widget->has_grab) p.to_.y = p.from_.y;
           }
@@ -247,8 +249,7 @@ void Window::tell_state() {
             {"time", report_.time},
             {"mode", static_cast<int>(mode_)},
             {"picture", {picture_low_.x, picture_low_.y, picture_high_.x, picture_high_.y}},
-            {"camera",
-             {{"position", report_.camera.position}, {"rotation", report_.camera.rotation}}}};
+            {"camera", {{"position", report_.camera.position}, {"rotation", report_.camera.rotation}}}};
   json["variants"] = Json::array();
   for (const VariantReport& variant : report_.variants) {
     if (!variant.is_there) continue;

@@ -89,7 +89,8 @@ std::vector<ScriptLine> read_script(const std::filesystem::path& file) {
     if (line.kind == Kind::kSlide && is_right) is_right = line.numbers[0] >= 0 && line.numbers[0] <= 1;
     if ((line.kind == Kind::kPause || line.kind == Kind::kKey) && is_right && !line.numbers.empty())
       is_right = line.numbers[0] >= 0 && line.numbers[0] <= 3600;
-    if (!is_right) fail(file, number, fmt::format("'{}' is written otherwise", command->word), text, std::string(command->usage));
+    if (!is_right)
+      fail(file, number, fmt::format("'{}' is written otherwise", command->word), text, std::string(command->usage));
     lines.push_back(std::move(line));
   }
   return lines;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the mouse and the keys do, from a file: a line a command, words between blanks, # begins a comment. Reads it whole
-// before anything happens.
+// What the mouse and the keys do, from a file: a line a command, words between blanks, # begins a comment. Reads it
+// whole before anything happens.
 #pragma once
 
 #include <filesystem>

@@ -192,9 +192,12 @@ void Session::open() {
     side.settings.assign(application_.settings[v], application_.settings[v] + application_.setting_counts[v]);
     load_graph(v);
     if (draft_.variants[v].description.at("kind") == "job") {
-      throw Error(HEDDLE_BAD_INPUT,
-                  Diagnostic{Severity::kError, {side.file, 0, 0}, "this graph is a job, and there is nothing to look at",
-                             "", "a graph that renders frames", "heddle run runs it"});
+      throw Error(HEDDLE_BAD_INPUT, Diagnostic{Severity::kError,
+                                               {side.file, 0, 0},
+                                               "this graph is a job, and there is nothing to look at",
+                                               "",
+                                               "a graph that renders frames",
+                                               "heddle run runs it"});
     }
   }
   for (Variant v = 0; v < kVariants; ++v)
@@ -218,7 +221,8 @@ void Session::load_graph(Variant variant) {
   std::vector<const char*> settings;
   for (const std::string& setting : side.settings) settings.push_back(setting.c_str());
   heddle_graph* made = nullptr;
-  check(heddle_graph_load(host_, side.file.c_str(), settings.data(), static_cast<std::uint32_t>(settings.size()), &made));
+  check(
+      heddle_graph_load(host_, side.file.c_str(), settings.data(), static_cast<std::uint32_t>(settings.size()), &made));
   heddle_graph_destroy(side.graph);
   side.graph = made;
   draft_.variants.at(variant).is_there = true;
@@ -276,7 +280,8 @@ void Session::changed() {
 }
 
 bool Session::has_work() const {
-  const bool can_render = std::ranges::any_of(sides_, [](const Side& side) { return side.graph != nullptr && !side.is_failed; });
+  const bool can_render =
+      std::ranges::any_of(sides_, [](const Side& side) { return side.graph != nullptr && !side.is_failed; });
   return can_render && (frames_left_ > 0 || is_playing_ || steps_left_ > 0);
 }
 
@@ -339,7 +344,8 @@ void Session::read(Variant variant) {
   made->height = shape.height;
   made->rgba = bytes_of(side.values, shape.channels);
   std::shared_ptr<const Picture>& shown = draft_.variants.at(variant).picture;
-  const bool is_same = shown && shown->width == made->width && shown->height == made->height && shown->rgba == made->rgba;
+  const bool is_same =
+      shown && shown->width == made->width && shown->height == made->height && shown->rgba == made->rgba;
   if (is_same) return;
   made->serial = ++picture_serial_;
   shown = std::move(made);
@@ -378,7 +384,8 @@ void Session::frame() {
     const Picture& picture = *draft_.variants[0].picture;
     heddle_camera camera{};
     camera.struct_size = sizeof camera;
-    if (heddle_scene_get_camera(side.scene, picture.width, picture.height, &camera) == HEDDLE_OK) draft_.camera = camera;
+    if (heddle_scene_get_camera(side.scene, picture.width, picture.height, &camera) == HEDDLE_OK)
+      draft_.camera = camera;
   }
 }
 
@@ -511,6 +518,8 @@ void Session::write_image(const std::string& file, std::uint32_t width, std::uin
   image.channels = 3;
   image.pixels = values.data();
   (void)guarded(0, &VariantReport::refused, [&] {
+    std::error_code ignored;  // where it cannot be made, writing the file says so
+    if (const fs::path folder = fs::path(file).parent_path(); !folder.empty()) fs::create_directories(folder, ignored);
     check(heddle_image_write(host_, file.c_str(), &image));
     tell(2, fmt::format("wrote {}", file).c_str());
   });

@@ -65,7 +65,8 @@ class Session {
   void measure(Variant variant, const std::string& pass, const std::string& parameter);
   /// Times the stages of the present view, and frames without looking.
   void time_stages(Variant variant);
-  void write_image(const std::string& file, std::uint32_t width, std::uint32_t height, const std::vector<std::uint8_t>& rgb);
+  void write_image(const std::string& file, std::uint32_t width, std::uint32_t height,
+                   const std::vector<std::uint8_t>& rgb);
   /// Ends measuring after the step that runs.
   void stop_measuring() { is_measuring_stopped_.store(true); }
 
@@ -75,9 +76,9 @@ class Session {
     heddle_scene* scene = nullptr;
     std::string file;
     std::vector<std::string> settings;
-    std::vector<float> values;    // of the last read
-    bool has_past = false;        // frames depend on those before them
-    bool is_failed = false;       // nothing is rendered until something changes
+    std::vector<float> values;  // of the last read
+    bool has_past = false;      // frames depend on those before them
+    bool is_failed = false;     // nothing is rendered until something changes
     std::uint32_t own_camera = HEDDLE_NONE;
   };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the two threads tell each other: a report of everything that can be shown, made by the one that renders and copied
-// by the one that has the window. Read this first.
+// What the two threads tell each other: a report of everything that can be shown, made by the one that renders and
+// copied by the one that has the window. Read this first.
 #pragma once
 
 #include "json.hpp"
@@ -58,20 +58,20 @@ struct Loop {
 struct VariantReport {
   bool is_there = false;
   std::string graph;
-  Json description;          // heddle_graph_describe
+  Json description;            // heddle_graph_describe
   std::uint64_t revision = 0;  // counts changes of the graph that succeeded
-  std::string error;         // of the last frame, or of reading files again; the picture is then an earlier one
-  std::string refused;       // of the last order that could not be done; everything is then as before it
+  std::string error;           // of the last frame, or of reading files again; the picture is then an earlier one
+  std::string refused;         // of the last order that could not be done; everything is then as before it
   std::shared_ptr<const Picture> picture;
-  double submit_ms = 0;      // of the last frame
+  double submit_ms = 0;  // of the last frame
   std::vector<Loop> loops;
-  std::string situation;     // as of Costs, knobs included
+  std::string situation;               // as of Costs, knobs included
   std::map<std::string, Costs> costs;  // by the knob's key
   Times times;
-  std::string explanation;   // of `explained_pass`, "": of the graph, at `explained_revision`
+  std::string explanation;  // of `explained_pass`, "": of the graph, at `explained_revision`
   std::string explained_pass;
   std::uint64_t explained_revision = 0;
-  std::string inspection;    // text of heddle_inspect
+  std::string inspection;  // text of heddle_inspect
 };
 
 struct Report {
@@ -82,11 +82,11 @@ struct Report {
   std::string device;
   double time = 0;
   bool is_playing = false;
-  std::uint64_t frames = 0;     // rendered, of A and B
-  std::uint64_t submits = 0;    // of those frames
+  std::uint64_t frames = 0;   // rendered, of A and B
+  std::uint64_t submits = 0;  // of those frames
   std::uint64_t orders_done = 0;
-  std::string activity;         // what takes long now; empty: nothing
-  bool is_settled = false;      // nothing is left to render
+  std::string activity;               // what takes long now; empty: nothing
+  bool is_settled = false;            // nothing is left to render
   std::vector<std::string> messages;  // the last lines that the host told
 };
 

@@ -10,15 +10,16 @@
 #include <imgui/backends/imgui_impl_glfw.h>
 #include <imgui/backends/imgui_impl_opengl3.h>
 
+#include <unistd.h>
 #include <algorithm>
 #include <cstring>
-#include <unistd.h>
 
 namespace heddle::view {
 
 namespace {
 
 constexpr float kPanelWidth = 470, kStatusHeight = 26;
+constexpr std::array<int, 2> kLeastPicture{480, 520};  // with room for the panel's passes beside it
 // After an event: hovering, popups and scrolling need some frames until nothing changes any more.
 constexpr int kFramesAfterEvent = 3;
 // While keys fly: as screens do it, also where no screen holds the loop back.
@@ -38,12 +39,17 @@ void note_event(GLFWwindow* window) {
 
 Window::Window(const heddle_view_application& application)
     : application_(application), session_(application, [] { glfwPostEmptyEvent(); }) {
-  if (application.script != nullptr) player_ = std::make_unique<Player>(read_script(application.script), application.script);
+  if (application.script != nullptr)
+    player_ = std::make_unique<Player>(read_script(application.script), application.script);
   if (application.graphs[1] != nullptr) mode_ = Mode::kWipe;
   glfwSetErrorCallback([](int, const char* text) { glfw_error() = text; });
   if (glfwInit() != GLFW_TRUE) {
     throw Error(HEDDLE_UNSUPPORTED,
-                Diagnostic{Severity::kError, {}, "no window can be opened", glfw_error(), "a display: DISPLAY names an X server",
+                Diagnostic{Severity::kError,
+                           {},
+                           "no window can be opened",
+                           glfw_error(),
+                           "a display: DISPLAY names an X server",
                            "without a screen: xvfb-run -s '-screen 0 1600x900x24' heddle view ..."});
   }
   session_.start();
@@ -65,8 +71,8 @@ void Window::open_window() {
   const Json& extent = report_.variants[0].description.at("extent");
   int width = static_cast<int>(application_.width), height = static_cast<int>(application_.height);
   if (width == 0 || height == 0) {
-    width = extent.at(0).get<int>() + static_cast<int>(kPanelWidth);
-    height = std::max(extent.at(1).get<int>() + static_cast<int>(kStatusHeight), 480);
+    width = std::max(extent.at(0).get<int>(), kLeastPicture[0]) + static_cast<int>(kPanelWidth);
+    height = std::max(extent.at(1).get<int>(), kLeastPicture[1]) + static_cast<int>(kStatusHeight);
     if (GLFWmonitor* monitor = glfwGetPrimaryMonitor(); monitor != nullptr) {
       int x = 0, y = 0, most_wide = 0, most_high = 0;
       glfwGetMonitorWorkarea(monitor, &x, &y, &most_wide, &most_high);
@@ -82,7 +88,11 @@ void Window::open_window() {
   window_ = glfwCreateWindow(width, height, "Heddle", nullptr, nullptr);
   if (window_ == nullptr) {
     throw Error(HEDDLE_UNSUPPORTED,
-                Diagnostic{Severity::kError, {}, "no window can be opened", glfw_error(), "OpenGL 3.2",
+                Diagnostic{Severity::kError,
+                           {},
+                           "no window can be opened",
+                           glfw_error(),
+                           "OpenGL 3.2",
                            "the Debian package libgl1-mesa-dri draws on the CPU where nothing else can"});
   }
   glfwMakeContextCurrent(window_);
@@ -113,7 +123,8 @@ void Window::open_window() {
   ImGui_ImplOpenGL3_Init("#version 150");
 }
 
-void Window::upload(Texture& texture, std::uint32_t width, std::uint32_t height, const std::vector<std::uint8_t>& rgba) {
+void Window::upload(Texture& texture, std::uint32_t width, std::uint32_t height,
+                    const std::vector<std::uint8_t>& rgba) {
   if (texture.id == 0) {
     glGenTextures(1, &texture.id);
     glBindTexture(GL_TEXTURE_2D, texture.id);
@@ -150,14 +161,15 @@ void Window::upload_pictures() {
   const auto gain_serial = static_cast<std::uint64_t>(std::lround(1000 * gain_));
   if (of == difference_of_ && difference_.serial == gain_serial) return;
   if (a->width != b->width || a->height != b->height) {
-    difference_text_ = fmt::format("A is {} x {}, B {} x {}: they have no difference", a->width, a->height, b->width, b->height);
+    difference_text_ =
+        fmt::format("A is {} x {}, B {} x {}: they have no difference", a->width, a->height, b->width, b->height);
     const std::vector<std::uint8_t> black{0, 0, 0, 255};
     upload(difference_, 1, 1, black);
   } else {
     std::vector<std::uint8_t> rgba;
     const Distance distance = difference(*a, *b, gain_, rgba);
     upload(difference_, a->width, a->height, rgba);
-    difference_text_ = fmt::format("|A - B| x {:.0f}: at most {} of 255, root mean square {:.3f}, {} pixels differ", gain_,
+    difference_text_ = fmt::format("|A - B|: at most {} of 255, root mean square {:.3f}, {} pixels differ",
                                    distance.maximum, distance.root_mean_square, distance.differing_pixels);
   }
   difference_of_ = of;
@@ -174,9 +186,10 @@ void Window::save_window(const std::string& file) {
   for (std::size_t y = 0; y < high; ++y)
     std::copy_n(flipped.begin() + static_cast<std::ptrdiff_t>(3 * wide * (high - 1 - y)), 3 * wide,
                 rgb.begin() + static_cast<std::ptrdiff_t>(3 * wide * y));
-  last_order_ = session_.order(fmt::format("write {}", file), [file, width, height, rgb = std::move(rgb)](Session& session) {
-    session.write_image(file, static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height), rgb);
-  });
+  last_order_ =
+      session_.order(fmt::format("write {}", file), [file, width, height, rgb = std::move(rgb)](Session& session) {
+        session.write_image(file, static_cast<std::uint32_t>(width), static_cast<std::uint32_t>(height), rgb);
+      });
 }
 
 bool Window::is_pressed(int key) const {
@@ -196,8 +209,7 @@ void Window::keys() {
   }
   if (is_pressed(GLFW_KEY_HOME)) {
     scene_camera_ = -1;
-    camera_order_ = last_order_ =
-        session_.order("camera", [](Session& session) { session.use_camera(HEDDLE_NONE); });
+    camera_order_ = last_order_ = session_.order("camera", [](Session& session) { session.use_camera(HEDDLE_NONE); });
   }
   if (is_pressed(GLFW_KEY_L)) {
     level_camera();
@@ -234,10 +246,11 @@ void Window::draw() {
   upload_pictures();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float scale = ImGui::GetIO().FontGlobalScale;
-  const float panel_x = std::max(size.x - kPanelWidth * scale, size.x * 0.3F), status_y = size.y - kStatusHeight * scale;
+  const float panel_x = std::max(size.x - kPanelWidth * scale, size.x * 0.3F),
+              status_y = size.y - kStatusHeight * scale;
   canvas({0, 0}, {panel_x, status_y});
-  status_bar({0, status_y}, {panel_x, size.y});
-  panel({panel_x, 0}, size);
+  status_bar({0, status_y}, size);
+  panel({panel_x, 0}, {size.x, status_y});
   keys();
   fly_by_keys();
   ImGui::Render();

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The window: shows the session's report, and orders what the mouse, the keys or a script ask for. Draws only when one of
-// them or the session has something new, and sleeps otherwise.
+// The window: shows the session's report, and orders what the mouse, the keys or a script ask for. Draws only when one
+// of them or the session has something new, and sleeps otherwise.
 #pragma once
 
 #include "view/script.hpp"
@@ -37,9 +37,9 @@ class Player {
   std::vector<ScriptLine> lines_;
   std::string file_;
   std::size_t next_ = 0;
-  int phase_ = 0;       // of the command
-  int frames_ = 0;      // in this phase
-  double until_ = 0;    // of a pause, glfwGetTime's
+  int phase_ = 0;     // of the command
+  int frames_ = 0;    // in this phase
+  double until_ = 0;  // of a pause, glfwGetTime's
   ImVec2 mouse_{-1, -1}, from_{}, to_{};
   bool is_down_ = false;
   int key_ = 0;
@@ -111,7 +111,8 @@ class Window {
   void mark(const std::string& name, ImVec2 low, ImVec2 high);
   void mark_grab(const std::string& name, ImVec2 grab);
   [[nodiscard]] bool scripted() const { return player_ != nullptr && !player_->is_done(); }
-  [[noreturn]] void fail_script(const std::string& message, const std::string& found, const std::string& expected) const;
+  [[noreturn]] void fail_script(const std::string& message, const std::string& found,
+                                const std::string& expected) const;
 
   const heddle_view_application& application_;
   GLFWwindow* window_ = nullptr;
@@ -132,7 +133,7 @@ class Window {
 
   Mode mode_ = Mode::kA;
   float wipe_ = 0.5F;
-  float zoom_ = 0;          // screen pixels a picture's pixel; 0: 1, or less where it does not fit
+  float zoom_ = 0;  // screen pixels a picture's pixel; 0: 1, or less where it does not fit
   ImVec2 pan_{0, 0};
   ImVec2 picture_low_{0, 0}, picture_high_{0, 0};
   enum class Drag : int { kNone, kWipe, kLook, kPan } drag_ = Drag::kNone;
@@ -156,8 +157,8 @@ class Window {
     Json value;
     std::uint64_t order;
   };
-  std::map<std::string, Edit> edits_;  // by variant's letter and key; until the session has done them
-  std::map<std::string, std::string> typed_;   // by key, while a field is edited
+  std::map<std::string, Edit> edits_;         // by variant's letter and key; until the session has done them
+  std::map<std::string, std::string> typed_;  // by key, while a field is edited
   std::string field_, last_field_;            // that is edited, in this frame and the last
   std::string explained_, tab_to_open_;
   std::uint64_t explain_order_ = 0;

@@ -60,9 +60,9 @@ TEST(Fly, LooksNoFurtherThanStraightUp) {
   EXPECT_NEAR(std::asin(axes_of(camera).forward[1]), kPi / 2 - 0.5, 2e-6);
 }
 
-TEST(Fly, StaysARotationOverAMillionTurns) {
+TEST(Fly, StaysARotationOverManyTurns) {
   heddle_camera camera = camera_at(0, 0, 0);
-  for (int i = 0; i < 1000000; ++i) heddle::view::look(camera, 1e-3, i % 2 == 0 ? 7e-4 : -7e-4);
+  for (int i = 0; i < 100000; ++i) heddle::view::look(camera, 1e-2, i % 2 == 0 ? 7e-4 : -7e-4);
   EXPECT_NEAR(length_of(camera), 1, 4e-16);
   // 1000 radians to the left: what is left of whole turns. Each turn errs by some 1e-16.
   const double heading = std::atan2(-axes_of(camera).forward[0], -axes_of(camera).forward[2]);
