@@ -67,12 +67,8 @@ void Session::measure(Variant variant, const std::string& pass, const std::strin
     std::vector<std::vector<double>> samples(values.size());
     const auto render = [&](std::size_t step, bool is_timed) {
       if (is_closing_.load() || is_measuring_stopped_.load()) throw Error(HEDDLE_CANCELLED, "measuring was stopped");
-      heddle_render_options options{};
-      options.struct_size = sizeof options;
-      options.flags = HEDDLE_RENDER_ANEW;
-      options.time = time_;
-      options.seed = application_.seed;
-      check(heddle_render(graphs[step].get(), side.scene, &options));
+      const heddle_render_options chosen = options(HEDDLE_RENDER_ANEW, 0);
+      check(heddle_render(graphs[step].get(), side.scene, &chosen));
       if (!is_timed) return;
       const char* text = nullptr;
       check(heddle_stats(graphs[step].get(), &text));
@@ -132,12 +128,8 @@ void Session::time_stages(Variant variant) {
     std::vector<std::vector<double>> wall, cpu;
     const auto render = [&](std::uint32_t flags) {
       if (is_closing_.load() || is_measuring_stopped_.load()) throw Error(HEDDLE_CANCELLED, "measuring was stopped");
-      heddle_render_options options{};
-      options.struct_size = sizeof options;
-      options.flags = flags;
-      options.time = time_;
-      options.seed = application_.seed;
-      check(heddle_render(side.graph, side.scene, &options));
+      const heddle_render_options chosen = options(flags, 0);
+      check(heddle_render(side.graph, side.scene, &chosen));
       const char* text = nullptr;
       check(heddle_stats(side.graph, &text));
       return parse_json(text);

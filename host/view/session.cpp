@@ -26,17 +26,6 @@ constexpr std::chrono::milliseconds kPatience{250};
 constexpr int kSettlingFrames = 64;
 constexpr std::size_t kMostMessages = 200;
 
-heddle_render_options options_of(std::uint32_t flags, double time, double time_step, std::uint64_t seed, bool is_cut) {
-  heddle_render_options options{};
-  options.struct_size = sizeof options;
-  options.flags = flags;
-  options.time = time;
-  options.time_step = time_step;
-  options.seed = seed;
-  options.cut = is_cut ? 1 : 0;
-  return options;
-}
-
 void add_paths(std::set<fs::path>& files, const char* json) {
   for (const Json& file : parse_json(json)) files.emplace(file.get<std::string>());
 }
@@ -297,6 +286,17 @@ std::string Session::situation(Variant variant, const std::string& without) cons
   return text;
 }
 
+heddle_render_options Session::options(std::uint32_t flags, double time_step) const {
+  heddle_render_options options{};
+  options.struct_size = sizeof options;
+  options.flags = flags;
+  options.time = time_;
+  options.time_step = time_step;
+  options.seed = application_.seed;
+  options.cut = is_cut_ ? 1 : 0;
+  return options;
+}
+
 void Session::publish() {
   for (Variant v = 0; v < kVariants; ++v)
     if (exists(v)) draft_.variants[v].situation = situation(v, "");
@@ -316,8 +316,8 @@ void Session::render(Variant variant, std::uint32_t flags, double time_step) {
   Side& side = sides_.at(variant);
   if (application_.pose != nullptr)
     check_application(application_.pose(application_.user, static_cast<std::uint32_t>(variant), time_));
-  const heddle_render_options options = options_of(flags, time_, time_step, application_.seed, is_cut_);
-  check(heddle_render(side.graph, side.scene, &options));
+  const heddle_render_options chosen = options(flags, time_step);
+  check(heddle_render(side.graph, side.scene, &chosen));
   const char* text = nullptr;
   check(heddle_stats(side.graph, &text));
   const Json stats = parse_json(text);
@@ -498,10 +498,10 @@ void Session::inspect(std::uint32_t x, std::uint32_t y) {
     if (!exists(v)) continue;
     const Side& side = sides_[v];
     (void)guarded(v, &VariantReport::refused, [&] {
-      const heddle_render_options options = options_of(HEDDLE_RENDER_ANEW, time_, 0, application_.seed, false);
+      const heddle_render_options chosen = options(HEDDLE_RENDER_ANEW, 0);
       const std::array<std::uint32_t, 2> pixel{x, y};
       const char* text = nullptr;
-      check(heddle_inspect(side.graph, side.scene, &options, pixel.data(), 1, "text", &text));
+      check(heddle_inspect(side.graph, side.scene, &chosen, pixel.data(), 1, "text", &text));
       draft_.variants[v].inspection = text;
     });
   }

@@ -94,6 +94,8 @@ class Session {
   void frame();
   void render(Variant variant, std::uint32_t flags, double time_step);
   void read(Variant variant);
+  /// Of a frame at the present time.
+  [[nodiscard]] heddle_render_options options(std::uint32_t flags, double time_step) const;
   void look_at_files();
   void know_files(std::filesystem::file_time_type began);
   void reload(bool graphs, bool scenes);
