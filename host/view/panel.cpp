@@ -154,6 +154,14 @@ void Window::passes_tab() {
   const VariantReport& variant = report_.variants[edited()];
   if (!report_.list || !variant.is_there) return;
   ImGui::TextColored(kFaint, "%s: %s", kVariantNames[edited()], variant.graph.c_str());
+  ImGui::SameLine();
+  if (ImGui::SmallButton("copy --set")) {
+    std::string line;
+    for (const std::string& setting : variant.settings) line += fmt::format("--set '{}' ", setting);
+    glfwSetClipboardString(window_, line.c_str());
+  }
+  mark("copy settings");
+  tip("what was set, as words for heddle run");
   const Json extent = shown_value("extent", variant.description.at("extent"));
   std::array<int, 2> size{extent.at(0).get<int>(), extent.at(1).get<int>()};
   ImGui::SetNextItemWidth(140);

@@ -299,7 +299,10 @@ heddle_render_options Session::options(std::uint32_t flags, double time_step) co
 
 void Session::publish() {
   for (Variant v = 0; v < kVariants; ++v)
-    if (exists(v)) draft_.variants[v].situation = situation(v, "");
+    if (exists(v)) {
+      draft_.variants[v].situation = situation(v, "");
+      draft_.variants[v].settings = sides_[v].settings;
+    }
   draft_.time = time_;
   draft_.is_playing = is_playing_;
   draft_.is_settled = !has_work();

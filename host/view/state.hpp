@@ -58,10 +58,11 @@ struct Loop {
 struct VariantReport {
   bool is_there = false;
   std::string graph;
-  Json description;            // heddle_graph_describe
-  std::uint64_t revision = 0;  // counts changes of the graph that succeeded
-  std::string error;           // of the last frame, or of reading files again; the picture is then an earlier one
-  std::string refused;         // of the last order that could not be done; everything is then as before it
+  std::vector<std::string> settings;  // that were made, in their order
+  Json description;                   // heddle_graph_describe
+  std::uint64_t revision = 0;         // counts changes of the graph that succeeded
+  std::string error;    // of the last frame, or of reading files again; the picture is then an earlier one
+  std::string refused;  // of the last order that could not be done; everything is then as before it
   std::shared_ptr<const Picture> picture;
   double submit_ms = 0;  // of the last frame
   std::vector<Loop> loops;
