@@ -236,7 +236,7 @@ void Window::status_bar(ImVec2 low, ImVec2 high) {
   }
   mark("play");
   ImGui::SameLine();
-  if (ImGui::Button("step")) last_order_ = session_.order("step", [](Session& session) { session.step(1); });
+  if (ImGui::Button("step")) last_order_ = session_.order("step", [](Session& session) { session.step(true); });
   mark("step");
   ImGui::SameLine();
   ImGui::Text("%.3f s", report_.time);

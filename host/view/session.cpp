@@ -256,7 +256,7 @@ void Session::put_camera(Variant variant) {
     check(heddle_scene_use_camera(side.scene, side.own_camera));
   } else if (used_camera_ != HEDDLE_NONE) {
     check(heddle_scene_use_camera(side.scene, used_camera_));
-  } else if (side.own_camera != HEDDLE_NONE) {
+  } else {
     // As it was loaded: what was chosen then, or one that sees everything.
     const Json& chosen = draft_.scene->at("camera");
     check(heddle_scene_use_camera(side.scene, chosen.is_null() ? HEDDLE_NONE : chosen.get<std::uint32_t>()));
@@ -356,9 +356,9 @@ void Session::read(Variant variant) {
 
 void Session::frame() {
   // Frames that are only rendered until nothing changes any more do not move the scene.
-  const bool moves = is_playing_ || steps_left_ != 0;
+  const bool moves = is_playing_ || steps_left_ > 0;
   if (moves) {
-    time_ += time_step_ * (steps_left_ < 0 ? -1 : 1);
+    time_ += time_step_;
     steps_left_ = 0;
     changed();
   }
@@ -430,12 +430,15 @@ void Session::play(bool is_playing) {
 
 void Session::go_to(double time) {
   time_ = time;
-  changed();
+  cut();
 }
 
-void Session::step(int frames) {
+void Session::step(bool is_forward) {
   is_playing_ = false;
-  steps_left_ = frames;
+  if (is_forward)
+    steps_left_ = 1;
+  else
+    go_to(time_ - time_step_);  // nothing that was simulated runs backwards
 }
 
 void Session::cut() {

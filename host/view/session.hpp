@@ -49,11 +49,10 @@ class Session {
   /// HEDDLE_NONE: the one that was in use first.
   void use_camera(std::uint32_t id);
   void play(bool is_playing);
-  /// To a time, and there one frame.
+  /// To a time, as a jump: without a past.
   void go_to(double time);
-  /// Frame by frame.
-  void step(int frames);
-  void set_time_step(double seconds) { time_step_ = seconds; }
+  /// One frame of the time step, and there it stays.
+  void step(bool is_forward);
   /// Forgets the past, as after a jump.
   void cut();
   /// B becomes what A is, which is where comparing a change with what was before begins.
@@ -113,7 +112,7 @@ class Session {
   heddle_host* host_ = nullptr;
   std::array<Side, kVariants> sides_;
   Report draft_;
-  double time_ = 0, time_step_ = 0, last_step_ = 0;
+  double time_ = 0, time_step_ = 0;
   bool is_playing_ = false, is_cut_ = false;
   int steps_left_ = 0;
   int frames_left_ = 0;  // until it is taken for still, whatever the pictures do

@@ -199,8 +199,8 @@ bool Window::is_pressed(int key) const {
 void Window::keys() {
   if (is_pressed(GLFW_KEY_SPACE))
     last_order_ = session_.order("play", [plays = !report_.is_playing](Session& session) { session.play(plays); });
-  if (is_pressed(GLFW_KEY_PERIOD)) last_order_ = session_.order("step", [](Session& session) { session.step(1); });
-  if (is_pressed(GLFW_KEY_COMMA)) last_order_ = session_.order("step", [](Session& session) { session.step(-1); });
+  if (is_pressed(GLFW_KEY_PERIOD)) last_order_ = session_.order("step", [](Session& session) { session.step(true); });
+  if (is_pressed(GLFW_KEY_COMMA)) last_order_ = session_.order("step", [](Session& session) { session.step(false); });
   if (is_pressed(GLFW_KEY_X)) last_order_ = session_.order("cut", [](Session& session) { session.cut(); });
   if (report_.variants[1].is_there) {
     if (is_pressed(GLFW_KEY_TAB)) mode_ = mode_ == Mode::kA ? Mode::kB : Mode::kA;
