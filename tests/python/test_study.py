@@ -88,7 +88,7 @@ def lock_of_our_own(tmp_path_factory):
 
 @pytest.mark.parametrize(("before", "after", "place", "message"), [
     ('technique = "gtao"', 'technique = "gtoa"', "13:1", "there is no technique of role 'ambient_occlusion' 'gtoa'\n"
-     "  expected: one of none, gtao, ray_traced, ssao\n  help:     did you mean 'gtao'?"),
+     "  expected: one of none, baked, gtao, ray_traced, ssao\n  help:     did you mean 'gtao'?"),
     ('metrics = ["rmse", "ssim"]', 'metrics = ["rsme"]', "5:1", "there is no metric 'rsme'"),
     ('"cornell_box.py"', '"cornel_box.py"', "9:1", "there is no scene 'cornel_box.py'"),
     ("rounds = 7", "round = 7", "6:1", "there is no key 'round'"),
@@ -237,6 +237,7 @@ def test_what_a_file_leaves_open_the_role_says(host, tmp_path):
 def test_a_role_alone_is_a_study_of_all_its_techniques_and_knobs(host):
     study = definition.of_role(host, "ambient_occlusion", ["cornell_box.py"], ["extent=[32,18]"])
     assert {point.variant for point in study.points} == {"gtao", "ray_traced", "ssao"}
+    assert study.title == "All techniques of ambient_occlusion without baked, which a graph must give a job's artifact"
     by_variant = [point for point in study.points if point.variant == "ssao"]
     assert len(by_variant) == 5 and {knob for knob, _ in by_variant[0].knobs} >= {"points", "blur_passes"}
     with pytest.raises(heddle.Error, match="did you mean 'ambient_occlusion'"):
