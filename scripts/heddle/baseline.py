@@ -212,7 +212,9 @@ class Open:
 
 
 def numbers_of(profile: Mapping[str, Any]) -> dict[str, Any]:
-    return {"counters": profile["counters"], "memory": profile["memory"], "counts": profile["counts"],
+    # What the system gives a process differs from one to the next.
+    memory = {key: value for key, value in profile["memory"].items() if not key.startswith("process_")}
+    return {"counters": profile["counters"], "memory": memory, "counts": profile["counts"],
             "instances": profile["instances"]}
 
 

@@ -48,6 +48,11 @@ def test_counters_are_flat_and_have_no_times():
             "counters.draws": 3, "counts.shadow maps_drawn": 4, "counts.shadow maps_kept": 0}
 
 
+def test_memory_of_the_process_is_no_number_of_a_technique():
+    found = baseline.numbers_of({"counters": {}, "counts": [], "instances": {}, "memory": {"kept_bytes": 3, "process_peak_bytes": 9}})
+    assert found["memory"] == {"kept_bytes": 3}
+
+
 def test_what_two_frames_do_not_share_is_unsteady():
     assert baseline.steady({"a": 1, "b": 2, "c": 3}, {"a": 1, "b": 4, "d": 5}) == ({"a": 1}, ["b", "c", "d"])
 
