@@ -167,7 +167,8 @@ TEST(BakedOcclusion, TexelsAreLookedUpWithTheirCoordinates) {
   scene.add_mesh(positions, {}, {0, 1, 2, 0, 2, 3}, dmat4(1.0), uvs);
   scene.add_box(dvec3(-4, 0, -1.2), dvec3(4, 2, -1));
   scene.look(dvec3(0, 2, 1), dvec3(0, 0, 0));
-  const Shown texels = show(scene, Graph(frame({"elements = \"texels\"", "spacing = 0.05", "directions = 128", "resolution = 512"})));
+  const Shown texels =
+      show(scene, Graph(frame({"elements = \"texels\"", "spacing = 0.05", "directions = 128", "resolution = 512"})));
   const Shown lattice = show(scene, Graph(frame({"spacing = 0.05", "directions = 128", "resolution = 512"})));
   double most = 0;
   for (std::size_t i = 0; i < texels.visibility.pixels.size(); ++i)
