@@ -24,6 +24,8 @@ void add_study(CLI::App& app) {
   command->add_option("--device", "part of a device's name, or its index");
   command->add_option("--rounds", "instead of the file's: more rounds see smaller differences");
   command->add_option("--budget", "minutes; a study that would take longer says so and ends before it times anything");
+  command->add_option("--cluster",
+                      "address of a Dask scheduler, whose workers do the work; local: workers of this machine");
   command->add_option("--timeout", "seconds after which a variant that does not answer counts as hung (default: 300)");
   command->add_flag("--dry-run")->description("check the file, say what would be measured, render nothing");
   command->add_flag("--gate")->description(

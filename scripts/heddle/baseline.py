@@ -25,7 +25,7 @@ import numpy as np
 from . import Error, Host, compare, version
 from . import study as definition
 from .__main__ import load_scene, write_file
-from .study_run import Lost, Worker, machine
+from .study_items import Lost, Worker, machine
 from .tune import most_accurate
 
 EXTENT = (64, 36)  # enough for every pass's edges, tiles and maps; a picture costs milliseconds
@@ -198,7 +198,7 @@ class Open:
 
     def __enter__(self) -> Open:
         try:
-            self.ask("open", scene={"file": self.scene, "camera": None, "time": 0.0, "overlays": []}, device=self.device)
+            self.ask("open", scene={"file": self.scene, "camera": None, "time": 0.0, "overlays": [], "arguments": []}, device=self.device)
         except BaseException:
             self.worker.close()
             raise

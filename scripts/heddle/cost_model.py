@@ -169,7 +169,7 @@ def measure(run: SceneRun) -> list[dict[str, Any]]:
     points = [point for point in run.alive() if point.knobs]
     sides = [at_extent(point, extent) for point in points for extent in run.study.extents]
     # Beside a point of the study, so that a later run finds the same rounds whichever variants it has.
-    rounds, lost = side_times.measure(run, KIND, [], sides, [run.study.port] * len(sides), ROUNDS) \
+    rounds, lost = side_times.measure(run, KIND, [], sides, [None] * len(sides), ROUNDS) \
         if sides else ([], {})
     for name, why in lost.items():
         run.say(f"{run.scene.name}: {name}: {why}")

@@ -246,6 +246,17 @@ class Host(_Object):
         graph._raw = None  # the handle is the job's now
         return Job(handle, self)
 
+    def parse(self, text: str, name: str = "text", folder: str | pathlib.Path = "", settings: Sequence[str] = ()) -> Graph:
+        """A graph from TOML text, which errors call `name`; files that it names are looked for in `folder`.
+
+        raises: Error
+        """
+        texts = (ctypes.c_char_p * max(len(settings), 1))(*[setting.encode() for setting in settings])
+        handle = ctypes.c_void_p()
+        self._check(_heddle.heddle_graph_parse(self._handle, text.encode(), name.encode(), str(folder).encode(), texts,
+                                               len(settings), ctypes.byref(handle)))
+        return Graph(handle, self)
+
     def read_image(self, file: str | pathlib.Path) -> NDArray[np.float32]:
         """float32 (height, width, channels); values of 8-bit files are 0..1 as stored."""
         image = c.Image(ctypes.sizeof(c.Image))

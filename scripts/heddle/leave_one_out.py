@@ -13,7 +13,8 @@ from typing import Any
 from . import statistics as s
 from . import side_times
 from .study import Point
-from .study_run import SceneRun, digest
+from .study_items import digest
+from .study_run import SceneRun
 
 
 def measure(run: SceneRun) -> list[dict[str, Any]]:
@@ -47,13 +48,13 @@ def of_point(run: SceneRun, base: Point) -> list[dict[str, Any]]:
     key = digest("passes", run.keys[base.name])
     made = run.store.get(key)
     if made is None:
-        made = run.guard(base, lambda: run.workers[base.variant].ask("passes", point=base.name))
+        made = run.ask(base, "passes")
         if made is None:
             return []
         run.store.put(key, made)
     running = [each for each in made["passes"] if not each["is_pruned"] and each["technique"] != "none"]
     sides = [without(base, each["name"]) for each in running]
-    keeps = [made["output"] if run.study.port.startswith(f"{each['name']}.") else run.study.port for each in running]
+    keeps = [made["output"] if run.study.port.startswith(f"{each['name']}.") else None for each in running]
     rounds, lost = side_times.measure(run, kind_of(base), [base], sides, keeps, run.study.rounds)
     own = run.measured.get(base.name, {}).get("passes", {})
     return [row_of(run, base, each, side, rounds, lost.get(side.name), own.get(each["name"]))

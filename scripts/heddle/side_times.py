@@ -7,57 +7,58 @@ variant that they belong to, and are kept as those are.
 
 from __future__ import annotations
 
+import contextlib
 import time
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
+from . import Error
 from . import statistics as s
 from .study import Point
-from .study_run import Lost, SceneRun, digest, duration, machine
+from .study_items import digest
+from .study_run import Moved, SceneRun, duration
 
 
 def measure(run: SceneRun, kind: str, points: Sequence[Point], sides: Sequence[Point], keeps: Sequence[str | None],
             rounds: int) -> tuple[list[dict[str, float]], dict[str, str]]:
-    """Rounds of turns of points, which are loaded, and sides, which are loaded into their variants' processes for it.
+    """Rounds of turns of points and sides, which live in their variants' processes meanwhile.
 
-    keeps:   of each side the port that it makes beside its output, as points make the study's port; None: none
+    keeps:   of each side the port that it makes beside its output, where that is not the study's; None: the study's
     returns: ([{name: milliseconds, the mean of both turns' medians} a round], {name of a side: why it has no times})
     """
     lost: dict[str, str] = {}
-    keys = [run.keys[point.name] for point in points]
     for side, keep in zip(sides, keeps):
-        if (key := load(run, side, keep, lost)) is not None:
-            keys.append(key)
+        try:
+            run.identify_one(side.name, side.graph, side.settings, keep=keep)
+        except Error as error:
+            lost[side.name] = in_short(str(error))
     there = [side for side in sides if side.name not in lost]
-    store_key = digest("side", kind, keys, [each.name for each in [*points, *there]], machine(), run.study.frames)
-    names = {each.name for each in [*points, *there]}
+    everybody = {each.name: each for each in [*points, *there]}
+
+    def key() -> str:
+        return digest("side", kind, [(name, run.keys[name]) for name in everybody], run.executor.place()["id"], run.study.frames)
 
     def finished() -> list[dict]:
-        return [each for each in run.store.lines(store_key) if names - set(lost) <= set(each["order"])]
+        return [each for each in run.store.lines(key()) if set(everybody) - set(lost) <= set(each["order"])]
 
     missing = rounds - len(finished())
     if there and missing > 0 and is_affordable(run, kind, points, there, missing):
+        while set(everybody) - set(lost) and any(side.name not in lost for side in there) and len(finished()) < rounds:
+            with contextlib.suppress(Moved):
+                time_round(run, key(), [each for name, each in everybody.items() if name not in lost], lost)
         for side in there:
-            ask(run, side, lost, lambda side=side: run.warm_point(side, side.variant))
-        number = len(run.store.lines(store_key))
-        while len(finished()) < rounds and names - set(lost):
-            time_round(run, store_key, number, [*points, *there], lost)
-            number += 1
+            with contextlib.suppress(Moved):
+                run.executor.at_place(run.item("forget", point=run.told(side.name, side.variant)))
     if len(finished()) >= rounds or not there:
         run.store.put(done_key(run, kind, points, rounds), {"kind": kind})
-    for side in there:
-        if side.name not in lost:
-            ask(run, side, lost, lambda side=side: run.workers[side.variant].ask("forget", point=side.name))
-        run.warm.pop(side.name, None)
     return [mean_of_turns(each["order"], each["ms"]) for each in finished()], lost
 
 
 def done_key(run: SceneRun, kind: str, points: Sequence[Point], rounds: int) -> str:
     """Of a note that all was timed, for estimates: what sides are is known only once they are loaded."""
     return digest("side done", kind, [run.keys[point.name] for point in points or run.study.points if point.name in run.keys],
-                  run.study.extents, rounds, machine(), run.study.frames)
+                  run.study.extents, rounds, run.executor.place()["id"], run.study.frames)
 
 
 def seconds_of(run: SceneRun, kind: str, points: Sequence[Point], rounds: int, frame: float) -> float:
@@ -67,37 +68,8 @@ def seconds_of(run: SceneRun, kind: str, points: Sequence[Point], rounds: int, f
     return frame * (rounds * 2 * (run.study.frames + 1) + 12)
 
 
-def load(run: SceneRun, side: Point, keep: str | None, lost: dict[str, str]) -> str | None:
-    files = ask(run, side, lost, lambda: run.workers[side.variant].ask(
-        "load", point=side.name, graph=side.graph, settings=list(side.settings), keep=keep))
-    return run.key_of(side.graph, side.settings, files["files"]) if files is not None else None
-
-
-def ask(run: SceneRun, side: Point, lost: dict[str, str], work: Callable[[], Any]) -> Any:
-    """What the side's process answers; None if it was lost, now or before, and then `lost` says why."""
-    run.stop()
-    # A process that ended took its sides with it: only its points are loaded again.
-    why = lost.get(side.name) or lost.get(process_of(side))
-    if why is not None:
-        lost[side.name] = why
-        return None
-    try:
-        if side.variant not in run.workers:
-            run.start(side.variant)
-        return work()
-    except Lost as error:
-        if error.state == "failed":
-            lost[side.name] = str(error).splitlines()[0].rpartition("error: ")[2]
-        else:
-            lost[side.name] = lost[process_of(side)] = f"{side.name}: {error}"
-            if side.variant in run.workers:
-                run.revive(side.variant)
-        return None
-
-
-def process_of(side: Point) -> str:
-    """The name under which `lost` has the whole process of a side. Points' names do not begin with a parenthesis."""
-    return f"({side.variant})"
+def in_short(text: str) -> str:
+    return text.splitlines()[0].rpartition("error: ")[2]
 
 
 def is_affordable(run: SceneRun, kind: str, points: Sequence[Point], sides: Sequence[Point], rounds: int) -> bool:
@@ -115,18 +87,16 @@ def is_affordable(run: SceneRun, kind: str, points: Sequence[Point], sides: Sequ
     return True
 
 
-def time_round(run: SceneRun, key: str, number: int, turns: Sequence[Point], lost: dict[str, str]) -> None:
+def time_round(run: SceneRun, key: str, turns: Sequence[Point], lost: dict[str, str]) -> None:
     """One round, kept if nobody is lost in it."""
-    by_name = {each.name: each for each in turns if each.name not in lost}
-    order = s.turns(list(by_name), 1, run.study.seed + number)[0]
-    times = []
-    for name in order:
-        answer = ask(run, by_name[name], lost, lambda: run.workers[by_name[name].variant].ask(
-            "render", point=name, frames=run.study.frames + 1))
-        if answer is None:
-            return
-        times.append(answer["ms"][1:])
-    run.store.append(key, {"round": number, "order": order, "ms": times})
+    number = len(run.store.lines(key))
+    order = s.turns([each.name for each in turns], 1, run.study.seed + number)[0]
+    answer = run.executor.at_place(run.item("round", points=[run.told(each.name, each.variant) for each in turns], order=order,
+                                            frames=run.study.frames))
+    if answer.lost is not None:
+        lost[answer.lost.point] = in_short(str(answer.lost)) if answer.lost.state == "failed" else f"{answer.lost.point}: {answer.lost}"
+        return
+    run.store.append(key, {"round": number, "order": order, "machine": answer.machine, **answer.value})
 
 
 def mean_of_turns(order: Sequence[str], times: Sequence[Sequence[float]]) -> dict[str, float]:

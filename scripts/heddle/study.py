@@ -6,10 +6,11 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import itertools
+import json
 import pathlib
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from . import Error, Host, metrics
@@ -54,6 +55,7 @@ class Reference:
     graph: str
     settings: tuple[str, ...]
     parts: int  # independent renderings, by their seeds
+    files: tuple[str, ...] = ()  # images of the scenes instead of renderings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -75,6 +77,7 @@ class Study:
     exposures: tuple[float, float, int] | None
     tone_mapper: str
     seed: int
+    function_image: str | None = None  # the technique of that role which makes `port`, in graphs that are not timed
     leave_one_out: tuple[str, ...] = ()  # variants of whose first point each pass is left out in turn
     chart_pass: str | None = None  # whose own time the chart shows beside the frame's; None: pass_name
     extents: tuple[tuple[int, int], ...] = ()  # at which points are timed as well, for the cost model
@@ -93,7 +96,8 @@ SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "t
               "arguments": TABLE}
 VARIANT_KEYS = {"name": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "knobs": ANY, "climb": TEXT}
 CLIMBS = ("together", "each")  # how a variant's ladders are: the i-th values of all, or one with the others as they stand
-REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE}
+FUNCTION_PORT = "measured_function.image"  # of the pass that a study adds where a role's technique makes no image itself
+REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE, "file": TEXT}
 
 
 class Places:
@@ -145,6 +149,7 @@ class Reader:
         self.errors: list[str] = []
         self.is_pass_known = True  # else that was said, and is not said again of each variant
         self._cameras: dict[tuple, list[str] | None] = {}
+        self.extent: tuple[str, list[int]] | None = None  # of the first variant, and its name
         listed = host.list()
         self.roles = {role["name"]: role for role in listed["roles"]}
         self.techniques = {(each["role"], each["name"]): each for each in listed["techniques"]}
@@ -286,7 +291,7 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
         reader.unknown(("tone_mapper",), "tone mapper", tone_mapper, ("aces", "hable", "reinhard"))
     scenes = read_scenes(reader, table.get("scene", []))
     points = read_variants(reader, table.get("variant", []), graph, settings, role, pass_name, port)
-    reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name)
+    reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name, scenes)
     if passes and table.get("chart_pass") not in (None, *passes):
         reader.unknown(("chart_pass",), "pass", table["chart_pass"], passes)
     leave_one_out, extents = read_more(reader, table, points, graph, settings)
@@ -297,7 +302,8 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
         error_resolution=reader.number(table, "error_resolution", 0.02, 1e-4, 1),
         budget_minutes=reader.number(table, "budget_minutes", 30, 0, 1e6), exposures=exposures, tone_mapper=tone_mapper,
         seed=reader.number(table, "seed", 0, 0, 2**31), leave_one_out=leave_one_out,
-        chart_pass=table.get("chart_pass"), extents=extents)
+        chart_pass=table.get("chart_pass"), extents=extents,
+        function_image=role if port == FUNCTION_PORT else None)
     if reader.errors:
         raise Error(2, "\n".join(reader.errors))
     return study
@@ -336,6 +342,22 @@ def load(reader: Reader, path: tuple, graph: str, settings: Iterable[str]) -> di
         return {}
 
 
+def load_function_image(reader: Reader, path: tuple, graph: str, settings: Iterable[str], role: str,
+                        pass_name: str | None) -> None:
+    """A mistake at `path` if the graph with the pass that makes the image cannot be."""
+    try:
+        adds = with_function_image(reader.host, graph, settings, role, pass_name)
+        reader.host.parse(extended(absolute(graph), adds), f"{graph} with function_image/{role}", "", list(settings)).close()
+    except Error as error:
+        reader.fail(path, f"no image can be made of what role '{role}' answers there:\n    "
+                    + str(error).replace("\n", "\n    "))
+
+
+def absolute(graph: str) -> str:
+    """A file's whole path; what comes with Heddle goes by its name."""
+    return str(pathlib.Path(graph).absolute()) if pathlib.Path(graph).is_file() else graph
+
+
 def choose_pass(reader: Reader, table: Mapping[str, Any], passes: Mapping[str, Any]) -> tuple[str | None, str | None]:
     """(role, pass): either names the other, where there is one."""
     role, name = table.get("role"), table.get("pass")
@@ -350,6 +372,8 @@ def choose_pass(reader: Reader, table: Mapping[str, Any], passes: Mapping[str, A
     if role is None or not passes:
         return role, None
     found = [each["name"] for each in passes.values() if each["role"] == role]
+    if role in found:  # of several the one that nobody gave another name
+        return role, role
     if len(found) != 1:
         reader.fail(("role",), f"the graph has {len(found)} passes of role '{role}'", found=", ".join(found),
                     expected="'pass' says which" if found else "a graph with such a pass: 'graph' says which")
@@ -368,11 +392,30 @@ def choose_port(reader: Reader, table: Mapping[str, Any], role: str | None, pass
     if role is None:
         return described.get("output"), None
     measure = reader.roles[role].get("measure") or {}
+    if measure.get("kind") == "function_image" and ("function_image", role) in reader.techniques:
+        return FUNCTION_PORT, measure.get("metric") or None
     if measure.get("kind") != "image":
         reader.fail(("role",), f"what role '{role}' makes is no image that could be compared as it is",
                     expected="'port' says which image is compared: display.color, for instance")
         return None, None
     return f"{pass_name}.{measure['port']}" if pass_name else None, measure.get("metric")
+
+
+def function_pass(technique: str, role: str, asked: str | None) -> str:
+    """TOML of a pass that makes an image of what one pass answers, `asked`, or of the neutral body."""
+    return (f'[[pass]]\nname = "{FUNCTION_PORT.split(".")[0]}"\nrole = "function_image"\ntechnique = "{technique}"\n'
+            f"functions.{role} = [{json.dumps(asked) if asked is not None else ''}]\n")
+
+
+def with_function_image(host: Host, graph: str, settings: Iterable[str], technique: str, pass_name: str | None) -> str:
+    """What a graph needs at its end for FUNCTION_PORT, as TOML. raises: Error"""
+    with host.graph(graph, list(settings)) as made:
+        passes = {each["name"]: each["technique"] for each in made.describe()["passes"]}
+    return function_pass(technique, technique, pass_name if passes.get(pass_name or "", "none") != "none" else None)
+
+
+def extended(graph: str, adds: str) -> str:
+    return f"extends = {json.dumps(graph)}\n{adds}"
 
 
 def slug(text: str) -> str:
@@ -464,7 +507,9 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
         # Settings of a technique that could not be put into its pass would be wrong for the one that is there.
         is_swapped = reader.is_pass_known or ("technique" not in table and "graph" in table)
         described = load(reader, place, own_graph, own) if is_swapped else {}
-        if described and port is not None and port not in [each["name"] for each in described["ports"]]:
+        if described and port == FUNCTION_PORT:
+            load_function_image(reader, place, own_graph, own, str(role), pass_name)
+        elif described and port is not None and port not in [each["name"] for each in described["ports"]]:
             if table.get("technique") == "none" and port.startswith(f"{pass_name}."):
                 reader.fail((*path, "technique"), f"without pass '{pass_name}' there is no '{port}', the image that is compared",
                             found="technique = \"none\"", expected="a technique, or a port of a pass that stays",
@@ -472,6 +517,8 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
                 continue
             reader.fail(place, f"the variant's graph has no port '{port}', which is compared")
         present = next((each for each in described.get("passes", []) if each["name"] == pass_name), None)
+        if described:
+            check_extent(reader, place, f"variant '{name}'", described["extent"])
         if described and present is None and "knobs" in table and reader.is_pass_known:
             reader.fail((*path, "knobs"), "of which pass are these the knobs?",
                         expected="'role' or 'pass' at the top, and the pass in the variant's graph")
@@ -495,6 +542,16 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
                 reader.fail((*path, "name"), f"a point of another variant is called '{point.name}' as well")
             points.append(point)
     return tuple(points)
+
+
+def check_extent(reader: Reader, path: tuple, what: str, extent: list[int]) -> None:
+    """Images of two sizes cannot be compared."""
+    if reader.extent is None:
+        reader.extent = (what, extent)
+    elif extent != reader.extent[1]:
+        reader.fail(path, f"{what} is of another size than {reader.extent[0]}", found=f"{extent[0]} x {extent[1]}",
+                    expected=f"{reader.extent[1][0]} x {reader.extent[1][1]}",
+                    help="extent=[...] in 'set' at the top holds for all of them")
 
 
 def swap(reader: Reader, path: tuple, table: Mapping[str, Any], role: str | None, pass_name: str | None) -> tuple[str, ...]:
@@ -564,9 +621,11 @@ def rungs_of_each(ladders: Mapping[str, list]) -> list[tuple[tuple[str, Any], ..
 
 
 def read_reference(reader: Reader, given: dict | None, graph: str, settings: tuple[str, ...], role: str | None,
-                   pass_name: str | None) -> Reference | None:
+                   pass_name: str | None, scenes: Sequence[SceneChoice]) -> Reference | None:
     """As written, else what the role names; at the last rung of each ladder that neither says."""
     table = reader.check_table(("reference",), given or {}, REFERENCE_KEYS)
+    if "file" in table:
+        return read_reference_files(reader, table, scenes)
     own_graph = reader.file(table["graph"]) if "graph" in table else graph
     named: tuple[str, ...] = ()
     if "technique" in table:
@@ -589,8 +648,37 @@ def read_reference(reader: Reader, given: dict | None, graph: str, settings: tup
         named += tuple(f"{pass_name}.params.{key}={value}" for key, value in (last | stated["params"]).items())
     everything = (*settings, *named, *table.get("set", []))
     if reader.is_pass_known or ("technique" not in table and "graph" in table):
-        load(reader, ("reference", "set") if "set" in table else ("reference",), own_graph, everything)
+        place = ("reference", "set") if "set" in table else ("reference",)
+        if described := load(reader, place, own_graph, everything):
+            check_extent(reader, place, "the reference", described["extent"])
     parts = table.get("parts", 8)
     if not 1 <= parts <= 1000:
         reader.fail(("reference", "parts"), "'parts' is out of range", found=f"{parts}", expected="1 to 1000")
     return Reference(own_graph, everything, parts)
+
+
+def read_reference_files(reader: Reader, table: Mapping[str, Any], scenes: Sequence[SceneChoice]) -> Reference | None:
+    """Images from elsewhere, one a scene: "{scene}" in the file's name is the scene's."""
+    place = ("reference", "file")
+    for key in ("technique", "graph", "set", "parts"):
+        if key in table:
+            reader.fail(("reference", key), f"'{key}' says how the reference is rendered, and 'file' that it is an image",
+                        expected="one of them")
+    if len(scenes) > 1 and "{scene}" not in table["file"]:
+        reader.fail(place, "one image is the reference of several scenes", found=f"file = \"{table['file']}\"",
+                    expected="{scene} in its name, for " + ", ".join(slug(scene.name) for scene in scenes))
+        return None
+    files = []
+    for scene in scenes:
+        file = reader.file(table["file"].replace("{scene}", slug(scene.name)))
+        if not pathlib.Path(file).exists():
+            reader.fail(place, f"there is no image '{file}', the reference of scene '{scene.name}'")
+            continue
+        try:
+            height, width = reader.host.read_image(file).shape[:2]
+        except Error as error:
+            reader.fail(place, "the reference cannot be read:\n    " + str(error).replace("\n", "\n    "))
+            continue
+        check_extent(reader, place, f"the reference '{file}'", [width, height])
+        files.append(file)
+    return Reference("", (), 1, tuple(files))

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import difflib
 import json
@@ -23,7 +24,7 @@ import re
 import sys
 import time
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,8 @@ from . import study as definition
 from .__main__ import load_scene, sort_files, write_file
 from .statistics import FEWEST_ROUNDS
 from .study import Point, Reference, SceneChoice, Study
-from .study_run import Contents, SceneRun, Store, machine, rows_of, timing_alone
+from .study_items import Contents, machine
+from .study_run import Here, SceneRun, Store, rows_of
 
 TRIED = 8  # whole settings that are measured at a time
 TRIALS = 3
@@ -213,22 +215,28 @@ class Bench:
                       frames=self.options.frames, settle=self.options.settle, resolution=0.02, error_resolution=0.02,
                       budget_minutes=self.options.minutes, exposures=None, tone_mapper="aces", seed=0)
         found: dict[str, dict[str, Seen]] = {}
-        for view in views:
-            run = SceneRun(study, view, self.store, self.options, self.folder, self.contents, self.say, self.stop, self.deadline)
-            try:
-                run.load_points()
+        with self.runs(study) as run_of:
+            for view in views:
+                run = run_of(view)
+                run.identify()
                 run.warm_up()
                 run.check_budget(run.estimate_seconds())
                 run.measure_errors()
-                with timing_alone(self.say, self.stop):
+                with run.executor.timing():
                     run.measure_times()
-            finally:
-                run.close()
-            rows, restless = rows_of(run)
-            for text in restless:
-                self.say(f"{view.name}: warning: {text}")
-            found[view.name] = seen_of(rows, self.metric, points)
+                rows, restless = rows_of(run)
+                for text in restless:
+                    self.say(f"{view.name}: warning: {text}")
+                found[view.name] = seen_of(rows, self.metric, points)
         return found
+
+    @contextlib.contextmanager
+    def runs(self, study: Study) -> Iterator[Callable[[SceneChoice], SceneRun]]:
+        """What runs a view of a study, while the block lasts."""
+        here = Here(self.options.device, self.options.timeout, self.folder, self.say, self.stop)
+        with Host(self.options.device, log=lambda *_: None) as host, contextlib.closing(here) as executor:
+            yield lambda view: SceneRun(study, view, self.store, self.options, self.folder, host, executor, self.contents, self.say,
+                                        self.stop, self.deadline)
 
 
 def seen_of(rows: Sequence[Mapping[str, Any]], metric: str, points: Sequence[Point]) -> dict[str, Seen]:
@@ -532,15 +540,13 @@ def passes_that_run(bench: Bench, view: SceneChoice) -> set[str]:
     base = Point("as it is", bench.graph, bench.settings, ())
     study = Study("tune", "tune", bench.port, None, (view,), (base,), None, (bench.metric,), bench.options.rounds,
                   bench.options.frames, bench.options.settle, 0.02, 0.02, bench.options.minutes, None, "aces", 0)
-    run = SceneRun(study, view, bench.store, bench.options, bench.folder, bench.contents, bench.say, bench.stop, bench.deadline)
-    try:
-        run.load_points()
-        bench.device = run.devices[0] if run.devices else {}
-        found = run.guard(base, lambda: run.workers[base.variant].ask("passes", point=base.name))
+    with bench.runs(study) as run_of:
+        run = run_of(view)
+        run.identify()
+        bench.device = next(iter(run.executor.place()["devices"]), {})
+        found = run.ask(base, "passes")
         if found is None:
             raise Error(4, f"error: the graph cannot be rendered: {run.state[base.name][1]}")
-    finally:
-        run.close()
     return {each["name"] for each in found["passes"] if not each["is_pruned"]}
 
 

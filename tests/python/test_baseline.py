@@ -8,7 +8,7 @@ import pytest
 
 import heddle
 from heddle import baseline
-from heddle.study_run import Lost
+from heddle.study_items import Lost
 
 DEVICE = {"index": 0, "name": "llvmpipe", "driver": "llvmpipe", "driver_version": "Mesa 1"}
 NOW = {"technique": "ambient_occlusion/gtao", "graph": "deferred", "scene": "cornell_box.py", "settings": ["extent=[64,36]"],

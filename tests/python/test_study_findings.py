@@ -12,7 +12,7 @@ import heddle
 from heddle import cost_model, domination, leave_one_out, side_times
 from heddle import statistics as s
 from heddle import study as definition
-from heddle import study_run
+from heddle import study_items, study_run
 from heddle.study import Point
 
 SCENE = argparse.Namespace(name="box")
@@ -28,7 +28,7 @@ def measured(points, times, errors, rounds=15, noise=0.01, metric="rmse", seed=4
     names = [point.name for point in points]
     found = []
     for number in range(rounds):
-        order = s.turns([*names, study_run.AGAIN], 1, number)[0]
+        order = s.turns([*names, study_items.AGAIN], 1, number)[0]
         ms = [[times[name if name in times else names[0]] * float(np.exp(noise * generator.normal()))] for name in order]
         found.append({"order": order, "ms": ms})
     made = {name: {"seeds": {metric: list(values)}, "parts": {metric: []}} for name, values in errors.items()}
@@ -97,31 +97,35 @@ def test_what_dominates_is_in_the_table_and_told(capsys):
 # ---- Leaving passes out ----
 
 class Workers:
-    """A study's processes, in which frames take what the test says: {part of a point's name: ms}."""
+    """Who does a study's work: frames take what the test says: {part of a point's name: ms}."""
 
     def __init__(self, times, refused=()):
         self.times, self.refused, self.asked = times, refused, []
 
-    def __contains__(self, owner):
-        return True
+    def place(self):
+        return {"id": "here"}
 
-    def __getitem__(self, owner):
-        return self
+    def at_place(self, item):
+        self.asked.append(item["do"])
+        try:
+            return study_run.Answer("here", getattr(self, item["do"])(item))
+        except study_items.Lost as lost:
+            return study_run.Answer("here", lost=lost)
 
-    def ask(self, do, **given):
-        self.asked.append((do, given.get("point")))
-        if do == "passes":
-            return {"output": "display.color", "passes": [
-                {"name": name, "role": name, "technique": f"{name}/x", "is_pruned": name == "fog"}
-                for name in ("gbuffer", "ao", "material", "fog")]}
-        if do == "load":
-            if any(word in given["point"] for word in self.refused):
-                raise study_run.Lost("failed", "deferred.toml:3:1: error: pass 'ao': nothing makes its input 'depth'\n  help: x")
-            return {"files": []}
-        if do == "render":
-            ms = next(ms for word, ms in self.times.items() if word in given["point"])
-            return {"ms": [999.0] + [ms] * (given["frames"] - 1)}
-        return {}
+    def ask(self, item):
+        assert item["request"] == "passes"
+        return {"output": "display.color", "passes": [
+            {"name": name, "role": name, "technique": f"{name}/x", "is_pruned": name == "fog"}
+            for name in ("gbuffer", "ao", "material", "fog")]}
+
+    def round(self, item):
+        return {"ms": [[self.ms(name)] for name in item["order"]], "others": [0, 0], "changing": {}}
+
+    def ms(self, name):
+        return next(ms for word, ms in self.times.items() if word in name)
+
+    def forget(self, item):
+        pass
 
 
 def side_run(tmp_path, workers, **study):
@@ -129,11 +133,18 @@ def side_run(tmp_path, workers, **study):
     run = argparse.Namespace(
         study=argparse.Namespace(points=points, port="ao.visibility", frames=1, rounds=9, seed=0, leave_one_out=("v",), extents=(),
                                  **study),
-        scene=SCENE, store=study_run.Store(tmp_path), keys={point.name: point.name for point in points}, workers=workers, warm={},
+        scene=SCENE, store=study_run.Store(tmp_path), keys={point.name: point.name for point in points}, executor=workers, warm={},
         measured={"v steps=2": {"passes": {"gbuffer": [3.0, 3.1, 2.9], "ao": [5.0] * 3}}}, deadline=float("inf"),
-        say=lambda text: None, stop=lambda: None, alive=lambda: list(points), guard=lambda point, work: work(),
-        key_of=lambda graph, settings, files: [graph, *settings], pixels={}, standing={})
-    run.warm_point = lambda point, owner: run.warm.update({point.name: {"ms": 1.0}})
+        say=lambda text: None, alive=lambda: list(points), pixels={}, standing={},
+        item=lambda do, **more: {"do": do} | more, told=lambda name, owner: {"name": name, "owner": owner},
+        ask=lambda point, request: workers.at_place({"do": "ask", "request": request}).value)
+
+    def identify_one(name, graph, settings, keep=None):
+        if any(word in name for word in workers.refused):
+            raise heddle.Error(2, "deferred.toml:3:1: error: pass 'ao': nothing makes its input 'depth'\n  help: x")
+        run.keys[name] = [graph, *settings]
+
+    run.identify_one = identify_one
     return run
 
 
@@ -158,21 +169,20 @@ def test_what_was_timed_without_a_pass_is_not_timed_again(tmp_path):
     before = leave_one_out.measure(side_run(tmp_path, Workers(times)))
     workers = Workers(times)
     assert leave_one_out.measure(side_run(tmp_path, workers)) == before
-    assert not [each for each in workers.asked if each[0] == "render"]
+    assert "round" not in workers.asked
 
 
-def test_a_process_that_ends_takes_only_its_own_times(tmp_path):
+def test_a_side_that_is_lost_takes_only_its_own_times(tmp_path):
     class Ending(Workers):
-        def ask(self, do, **given):
-            if do == "render" and given["point"].endswith("without=ao"):
-                raise study_run.Lost("crashed", "the process ended by SIGKILL")
-            return super().ask(do, **given)
+        def ms(self, name):
+            if name.endswith("without=ao"):
+                raise study_items.Lost("crashed", "the process ended by SIGKILL", name)
+            return super().ms(name)
 
-    run = side_run(tmp_path, Ending({"": 9.0}))
-    revived = []
-    run.revive = revived.append
-    found = leave_one_out.measure(run)
-    assert revived == ["v"] and all(row["cost_ms"] is None and "SIGKILL" in row["note"] for row in found)
+    run = side_run(tmp_path, Ending({"without=": 7.0, "": 9.0}))
+    found = {row["pass"]: row for row in leave_one_out.measure(run)}
+    assert found["ao"]["cost_ms"] is None and "SIGKILL" in found["ao"]["note"]
+    assert found["gbuffer"]["cost_ms"] == found["material"]["cost_ms"] == pytest.approx([2.0] * 3)
 
 
 def test_what_is_lost_after_a_few_rounds_has_no_interval(tmp_path):

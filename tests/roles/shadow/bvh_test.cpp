@@ -2,7 +2,7 @@
 // bvh.glsl and owen_sobol.glsl, compiled here as C++ (glm; literals are float by a compiler option, as in GLSL), over
 // trees of bvh.hpp, against every triangle in float64 and against Embree's own rays. Needs no device.
 #include "bvh.hpp"
-#include "owen_sobol.hpp"
+#include "shared/owen_sobol.hpp"
 
 #include <glm/glm.hpp>
 #include <glm/gtc/integer.hpp>
