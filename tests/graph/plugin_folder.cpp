@@ -368,6 +368,11 @@ Technique path_tracer() {
                StageKind::kCpu,
                {touch("sky_map", HEDDLE_ACCESS_HOST_READ), touch("surfaces", HEDDLE_ACCESS_HOST_READ), value("camera"),
                 value("lights"), touch("radiance", HEDDLE_ACCESS_HOST_WRITE)}}};
+  for (const char* split :
+       {"variance", "emission", "direct", "indirect_diffuse", "indirect_specular", "occlusion", "shadow"}) {
+    t.ports.push_back(image_out(split, VK_FORMAT_R32G32B32A32_SFLOAT, HEDDLE_PORT_KEPT));
+    t.stages[1].accesses.push_back(touch(split, HEDDLE_ACCESS_HOST_WRITE));
+  }
   t.shaders = {shader("sky", ShaderKind::kCompute, "sky", {"sky", "surface_material"})};
   return t;
 }
