@@ -179,6 +179,7 @@ void Executor::State::run_stages(bool is_profiled) {
       s = order.loops[loop++].end - 1;
     } else {
       run_timed(s, barriers.before[s], is_profiled);
+      while (passes[order.stages[s].pass]->again) run_again(s, is_profiled);
     }
   }
 }

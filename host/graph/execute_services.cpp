@@ -222,9 +222,11 @@ constexpr heddle_meshes_service kMeshesService{sizeof(heddle_meshes_service), 0,
 
 const void* service(const heddle_pass_host*, const char* id) {
   if (std::strcmp(id, HEDDLE_COMPONENTS_SERVICE) == 0) return &kComponentsService;
+  if (std::strcmp(id, HEDDLE_MESHES_SERVICE) == 0) return &kMeshesService;
   if (std::strcmp(id, HEDDLE_MATERIALS_SERVICE) == 0) return &kMaterialsService;
   if (std::strcmp(id, HEDDLE_PARALLEL_SERVICE) == 0) return &kParallelService;
-  return std::strcmp(id, HEDDLE_MESHES_SERVICE) == 0 ? &kMeshesService : views_service(id);
+  const void* slices = slices_service(id);
+  return slices != nullptr ? slices : views_service(id);
 }
 
 }  // namespace heddle::graph

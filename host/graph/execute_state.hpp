@@ -56,8 +56,26 @@ struct ShaderState {
   std::vector<PassIndex> owners;  // parallel to compiled.bindings: whose port or parameters each is
   vulkan::Constants values;       // that the pipelines were made with
   vulkan::RasterState raster;
+  /// With the vertices of meshes, or of a technique's own program.
+  struct Behind {
+    vulkan::SurfaceProgram program;  // that the pipelines were made with
+    std::vector<vulkan::Binding> bindings;
+    vulkan::Pipeline pipeline;
+    vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
+  };
   vulkan::Pipeline pipeline;
-  vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
+  vulkan::Pipeline masked;
+  std::map<std::string, Behind, std::less<>> behind;  // surface programs, by the pass that has one
+};
+
+/// A technique's own program of vertices, as this plan has it.
+struct ProgramState {
+  PassIndex pass = kNoIndex;
+  vulkan::CompiledShader compiled;
+  std::vector<PassIndex> owners;  // parallel to compiled.bindings
+  vulkan::SurfaceProgram program;
+  VkDescriptorSetLayout layout = VK_NULL_HANDLE;  // of set 3
+  ShaderState evaluation;                         // vertices into a buffer; empty until a snapshot asks for it
 };
 
 /// Copies of an image or buffer on the host, for a stage with latency: as many as frames are between, and one that is
@@ -92,6 +110,12 @@ struct PassState {
       nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
   vulkan::GeneratedTexts texts;
   std::string resolved_path;  // the last answer of resolve_path
+  // Slices that several stages do together (execute_slices.cpp): with which scheduled stage the next one begins, where
+  // a stage has just asked for it; and how often they have begun anew.
+  std::optional<std::uint32_t> again;
+  std::uint32_t slice = 0;
+  std::chrono::steady_clock::time_point began, told, saved;
+  std::chrono::steady_clock::duration saving{};
   std::map<std::string, ShaderState, std::less<>> shaders;
   vulkan::Buffer parameters;
   vulkan::ParameterLayout layout;
@@ -171,8 +195,8 @@ struct FrameMemory {
   std::uint32_t view_count = 0;
   vulkan::Buffer draw_commands;  // of drawings that leave out instances
   std::uint64_t draw_command_bytes = 0;
-  std::map<std::pair<VkBuffer, VkBuffer>, VkDescriptorSet>
-      program_sets;                             // of this submission: set 3 by vertices, instances
+  std::map<std::tuple<const void*, VkBuffer, VkBuffer>, VkDescriptorSet>
+      program_sets;                             // of this submission: set 3 by program, vertices, instances
   std::vector<Placing> placings;                // of this submission
   std::deque<vulkan::Buffer> placed_instances;  // of all submissions: as many as one has had placings
   vulkan::Buffer group_commands;                // VkDispatchIndirectCommand of each dispatch over a list
@@ -228,7 +252,9 @@ struct Executor::State : FrameMemory {
   std::unique_ptr<vulkan::PipelineMaker> maker;
   VkDescriptorSetLayout materials_layout = VK_NULL_HANDLE;
   VkDescriptorSetLayout program_layout = VK_NULL_HANDLE;
-  vulkan::SurfaceProgram program;
+  vulkan::SurfaceProgram program;  // of meshes
+
+  std::map<std::string, ProgramState, std::less<>> programs;  // of techniques, by pass
 
   // Scene side.
   const scene::Scene* scene = nullptr;
@@ -282,6 +308,19 @@ struct Executor::State : FrameMemory {
   ShaderState compile_shader(const PassState& pass, const Shader& shader, bool is_restoring);
   void compile_passes(bool is_restoring);
   void make_pipelines(ShaderState& shader);
+  // Surface programs of techniques (execute_programs.cpp).
+  using Programs = std::map<std::string, ProgramState, std::less<>>;
+  [[nodiscard]] Programs compile_programs(bool is_restoring) const;
+  void destroy(Programs& old) const;
+  [[nodiscard]] std::vector<ProgramState*> programs_behind(const Pass& pass, const ShaderState& shader);
+  [[nodiscard]] static ShaderState::Behind* former_behind(ShaderState* former, const ProgramState& own,
+                                                          const std::string& pass);
+  void make_pipelines_behind(const Pass& pass, ShaderState& shader, ShaderState* former);
+  void keep_pipelines_behind(const Pass& pass, ShaderState& shader, ShaderState* former);
+  [[nodiscard]] const ProgramState* program_behind(ResourceIndex made) const;
+  bool evaluate_vertices(ResourceIndex made, vulkan::Buffer& vertices);
+  [[nodiscard]] vulkan::ProviderRequest provider_request(const Pass& provider, const Function& function) const;
+  [[nodiscard]] std::vector<PassIndex> owners_of(const vulkan::CompiledShader& shader) const;
   void write_parameters(PassState& pass);
   [[nodiscard]] vulkan::Constants constants(const vulkan::CompiledShader& shader) const;
   [[nodiscard]] vulkan::BoundPort bound_port(const Pass& pass, const Access& access) const;
@@ -343,9 +382,13 @@ struct Executor::State : FrameMemory {
   void run_slices(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const heddle_frame_info& seen,
                   const std::string& key);
   void begin_slice(PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
+  void run_again(std::uint32_t last, bool is_profiled);
+  [[nodiscard]] std::vector<Barrier> barriers_again(std::uint32_t stage) const;
   [[nodiscard]] bool is_stop_asked() const;
   void save_unfinished(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const std::string& key);
   void load_unfinished(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const std::string& key);
+  [[nodiscard]] std::optional<std::uint32_t> first_of(const PassState& pass, const ScheduledStage& stage,
+                                                      const ArtifactParts& parts) const;
   void put_back(PassState& pass, const ScheduledStage& stage, heddle_frame& frame, const ArtifactParts& parts);
   void begin_anew(const PassState& pass, const ScheduledStage& stage, heddle_frame& frame);
   [[nodiscard]] std::vector<std::string> device_outputs(const PassState& pass, const ScheduledStage& stage) const;
@@ -381,8 +424,10 @@ struct Executor::State : FrameMemory {
   void write_neutral(PassState& pass, const ScheduledStage& stage);
   void clear_image(ResourceState& state, const Resource& resource, const std::array<double, 4>& value);
   VkDescriptorSet allocate_set(VkDescriptorSetLayout layout);
-  VkDescriptorSet make_program_set(VkBuffer vertices, VkBuffer instances);
+  VkDescriptorSet make_program_set(const ProgramState* program, VkBuffer vertices, VkBuffer instances);
   VkDescriptorSet port_set(const PassState& pass, const ShaderState& shader, std::uint32_t set);
+  void fill_set(VkDescriptorSet target, const Pass& caller, std::span<const vulkan::Binding> bindings,
+                std::span<const PassIndex> owners, std::uint32_t set);
   void bind(const PassState& pass, const ShaderState& shader, const vulkan::Pipeline& pipeline, const void* push,
             std::uint32_t push_bytes);
   vulkan::Buffer switch_table(const Pass& caller, const std::string& role);

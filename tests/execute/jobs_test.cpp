@@ -23,6 +23,9 @@ constexpr const char* kCountJob =
 constexpr const char* kGpuJob =
     "kind = \"job\"\n[[pass]]\nname = \"sums\"\nrole = \"job_probe\"\ntechnique = \"gpu\"\n";
 
+constexpr const char* kPairJob =
+    "kind = \"job\"\n[[pass]]\nname = \"pair\"\nrole = \"job_probe\"\ntechnique = \"pair\"\n";
+
 class Host : public CachedHost {
  public:
   using CachedHost::CachedHost;
@@ -272,8 +275,10 @@ TEST_F(Jobs, AreKeptByTheTexturesOfLightsThatTheyLookAt) {
 }
 
 TEST_F(Jobs, StopBetweenSlicesAndGoOnInAnotherProcess) {
-  for (const auto& [job, expected] : {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
-                                      std::pair(kGpuJob, std::vector<double>(8, 15.0))}) {
+  std::size_t jobs_done = 0;
+  for (const auto& [job, expected] :
+       {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
+        std::pair(kGpuJob, std::vector<double>(8, 15.0)), std::pair(kPairJob, std::vector<double>(8, 15.0))}) {
     // Cancelled in each slice, by another host each time.
     const std::ptrdiff_t count = job == kCountJob ? 4 : 5;
     for (std::ptrdiff_t slice = 0; slice + 1 < count; ++slice) {
@@ -295,7 +300,29 @@ TEST_F(Jobs, StopBetweenSlicesAndGoOnInAnotherProcess) {
     if (job == kCountJob) {
       EXPECT_EQ(result["reports"][0]["rows"].size(), 4U) << "rows of all runs, none twice";
     }
-    EXPECT_EQ(files().size(), job == kCountJob ? 1U : 2U) << "what was unfinished is gone";
+    EXPECT_EQ(files().size(), ++jobs_done) << "what was unfinished is gone";
+  }
+}
+
+TEST_F(Jobs, DoSlicesOfSeveralStagesTogether) {
+  Host host(cache_);
+  ASSERT_EQ(host.parse(kPairJob, "job.toml", folder_), HEDDLE_OK);
+  host.run();
+  // Added to what was cleared in the same slice: 1 + 2 + ... + 5, and not 1 + 3 + 6 + 10 + 15.
+  EXPECT_EQ(host.table(), std::vector<double>(8, 15.0));
+  EXPECT_EQ(host.slices(), 5);
+  ASSERT_EQ(host.parse(kPairJob, "job.toml", folder_, {"pair.params.first=add"}), HEDDLE_OK);
+  host.run();
+  EXPECT_EQ(host.table(), std::vector<double>(8, 35.0)) << "what is only cleared before keeps what it holds";
+  for (const char* first : {"keep", "nonsense"}) {
+    ASSERT_EQ(host.parse(kPairJob, "job.toml", folder_, {std::string("pair.params.first=") + first}), HEDDLE_OK);
+    EXPECT_EQ(host.try_run(), HEDDLE_BUG);
+    EXPECT_EQ(host.error(),
+              std::string("job.toml:2:1: error: pass 'pair' (job_probe/pair): begins a slice of stage "
+                          "'keep' with '") +
+                  first +
+                  "', which is no earlier stage of it\n  help:     this is a mistake of the technique, not "
+                  "of the graph");
   }
 }
 
@@ -315,8 +342,9 @@ TEST_F(Jobs, ThatCannotGoOnStopWhereTheyAskAndLeaveNothing) {
 }
 
 TEST_F(Jobs, ThatAreKilledLeaveNothingHalfAndGoOn) {
-  for (const auto& [job, expected] : {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
-                                      std::pair(kGpuJob, std::vector<double>(8, 15.0))}) {
+  for (const auto& [job, expected] :
+       {std::pair(kCountJob, std::vector<double>{1, 2, 3, 4, 5, 6, 7, 8}),
+        std::pair(kGpuJob, std::vector<double>(8, 15.0)), std::pair(kPairJob, std::vector<double>(8, 15.0))}) {
     const pid_t child = fork();
     if (child == 0) {
       setenv("HEDDLE_PROBE_KILL_AT", "2", 1);
@@ -479,6 +507,58 @@ TEST_F(Jobs, AreRunByFrameGraphsThatNameThem) {
   const char* text = nullptr;
   ASSERT_EQ(heddle_graph_files(host.graph, &text), HEDDLE_OK);
   EXPECT_THAT(text, HasSubstr((folder_ / "others.toml").string()));
+}
+
+TEST_F(Jobs, TakeSettingsThroughTheGraphThatNamesThem) {
+  write("first.toml", kCountJob);
+  write("links.toml", std::string(kCountJob) + "inputs.base = \"first.toml#count.table\"\nparams.first = 10\n");
+  write("frames.toml",
+        "extent = [8, 8]\noutput = \"show.color\"\n"
+        "[[pass]]\nname = \"show\"\nrole = \"job_probe\"\ntechnique = \"show\"\ninputs.links = "
+        "\"links.toml#table\"\n");
+  const auto shown = [&](const std::vector<const char*>& settings) {
+    Host host(cache_);
+    EXPECT_EQ(heddle_graph_load(host.handle, (folder_ / "frames.toml").c_str(), settings.data(),
+                                static_cast<std::uint32_t>(settings.size()), &host.graph),
+              HEDDLE_OK)
+        << host.error();
+    return host.render();
+  };
+  const auto plain = shown({});
+  const auto larger = shown({"links.toml#count.params.first=20"});
+  EXPECT_EQ(larger[0], plain[0] + 10);
+  EXPECT_EQ(shown({"links.toml#count.params.first=15", "links.toml#count.params.first=20"})[0], larger[0])
+      << "the last word counts";
+  // A job that the job names, by the name that it is called there.
+  EXPECT_EQ(shown({"links.toml#first.toml#count.params.first=3"})[0], plain[0] + 3);
+
+  // In a graph that is there, and back.
+  Host host(cache_);
+  ASSERT_EQ(heddle_graph_load(host.handle, (folder_ / "frames.toml").c_str(), nullptr, 0, &host.graph), HEDDLE_OK);
+  EXPECT_EQ(host.render(), plain);
+  ASSERT_EQ(heddle_graph_set(host.graph, "links.toml#count.params.first=20"), HEDDLE_OK) << host.error();
+  EXPECT_EQ(host.render(), larger);
+  ASSERT_EQ(heddle_graph_reload(host.graph), HEDDLE_OK) << host.error();
+  EXPECT_EQ(host.render(), larger) << "settings outlast a reload";
+  ASSERT_EQ(heddle_graph_set(host.graph, "links.toml#count.params.first=10"), HEDDLE_OK) << host.error();
+  EXPECT_EQ(host.render(), plain);
+
+  EXPECT_EQ(heddle_graph_set(host.graph, "link.toml#count.params.first=1"), HEDDLE_BAD_INPUT);
+  EXPECT_EQ(host.error(),
+            "--set:1:1: error: no input of the graph names the job 'link.toml'\n"
+            "  found:    link.toml#count.params.first=1\n"
+            "  expected: one of links.toml\n"
+            "  help:     did you mean 'links.toml'?");
+  EXPECT_EQ(heddle_graph_set(host.graph, "links.toml#cuont.params.first=1"), HEDDLE_BAD_INPUT);
+  EXPECT_EQ(host.error(),
+            "--set:1:12: error: the graph has no pass 'cuont'\n"
+            "  found:    links.toml#cuont.params.first=1\n"
+            "  expected: one of count, extent, output, params, joins\n"
+            "  help:     did you mean 'count'?");
+  EXPECT_EQ(heddle_graph_set(host.graph, "links.toml#count.params.frist=1"), HEDDLE_BAD_INPUT);
+  EXPECT_THAT(host.error(), HasSubstr("--set:1:25: error: pass 'count': technique 'job_probe/count' has no parameter "
+                                      "'frist'"));
+  EXPECT_EQ(host.render(), plain) << "on an error the graph is as it was";
 }
 
 TEST_F(Jobs, StayWithTheirInputsWhenAReloadFails) {

@@ -173,7 +173,7 @@ Technique gbuffer_raster() {
     accesses.push_back(touch(name, HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_CLEAR));
   accesses.push_back(touch("depth_buffer", HEDDLE_ACCESS_DEPTH, HEDDLE_LOAD_CLEAR));
   t.stages = {{"draw", StageKind::kGpu, accesses}};
-  t.shaders = {shader("surface", ShaderKind::kSurfaces, "draw")};
+  t.shaders = {shader("surface", ShaderKind::kSurfaces, "draw", {"texture_source"})};
   t.parameters = {choice("precision", {"packed", "float32"})};
   return t;
 }
@@ -204,6 +204,50 @@ Technique ray_traced() {
        StageKind::kCpu,
        {touch("depth", HEDDLE_ACCESS_HOST_READ), touch("normal_geometric", HEDDLE_ACCESS_HOST_READ), value("camera"),
         touch("surfaces", HEDDLE_ACCESS_HOST_READ), touch("visibility", HEDDLE_ACCESS_HOST_WRITE)}}};
+  return t;
+}
+
+Technique baked() {
+  Technique t = technique("ambient_occlusion/baked");
+  Port values = port("baked_values", PortType::kBuffer, Direction::kOut, HEDDLE_PORT_KEPT);
+  values.byte_size = 4096;
+  values.glsl = "uvec2 baked_values[];";
+  t.ports = {surfaces_in("surfaces"),
+             value_in("camera"),
+             image_in("depth_buffer"),
+             port("occlusion", PortType::kArtifact, Direction::kIn),
+             values,
+             image_out("visibility", VK_FORMAT_R32_SFLOAT)};
+  t.stages = {
+      {"upload", StageKind::kCpu, {value("occlusion"), touch("baked_values", HEDDLE_ACCESS_HOST_WRITE)}},
+      {"look",
+       StageKind::kGpu,
+       {touch("surfaces", HEDDLE_ACCESS_DRAW), value("camera"), touch("baked_values", HEDDLE_ACCESS_STORAGE_READ),
+        touch("visibility", HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_CLEAR), touch("depth_buffer", HEDDLE_ACCESS_DEPTH_READ)}}};
+  t.shaders = {shader("baked", ShaderKind::kSurfaces, "look")};
+  return t;
+}
+
+Technique bake_depth_maps() {
+  Technique t = technique("bake_visibility/depth_maps");
+  Port sums = port("sums", PortType::kBuffer, Direction::kOut);
+  sums.byte_size = 4096;
+  sums.glsl = "vec4 sums[];";
+  t.ports = {surfaces_in("surfaces"), port("occlusion", PortType::kArtifact, Direction::kOut),
+             port("report", PortType::kReport, Direction::kOut), sums,
+             image_out_sized("depth_maps", VK_FORMAT_D32_SFLOAT, 256, 256, 0, 8)};
+  t.parameters = {parameter("directions", ParameterType::kInt, "1", 1, 16384, 512),
+                  parameter("spacing", ParameterType::kFloat, "m", 1e-4, 1e4, 0.25)};
+  t.stages = {{"clear", StageKind::kGpu, {written("sums")}},
+              {"draw",
+               StageKind::kGpu,
+               {touch("surfaces", HEDDLE_ACCESS_DRAW), touch("depth_maps", HEDDLE_ACCESS_DEPTH, HEDDLE_LOAD_CLEAR)}},
+              {"sample", StageKind::kGpu, {sampled("depth_maps"), touch("sums", HEDDLE_ACCESS_STORAGE_READ_WRITE)}},
+              {"keep", StageKind::kCpu, {touch("sums", HEDDLE_ACCESS_HOST_READ), value("occlusion"), value("report")}}};
+  Shader depth_only = shader("depth", ShaderKind::kSurfaces, "draw");
+  depth_only.file.clear();
+  t.shaders = {shader("clear", ShaderKind::kCompute, "clear"), depth_only,
+               shader("sample", ShaderKind::kCompute, "sample")};
   return t;
 }
 
@@ -270,6 +314,35 @@ Technique tiled() {
                   {},
                   false}};
   t.features = {"lights"};
+  return t;
+}
+
+/// A function that writes: whoever calls it appends to `requests`, which a stage reads two frames later.
+Technique virtual_texture() {
+  Technique t = technique("texture_source/virtual");
+  Port state = port("virtual_state", PortType::kValue, Direction::kOut);
+  state.byte_size = 48;
+  state.glsl = "uvec4 virtual_layout; uvec4 virtual_query; vec4 virtual_time;";
+  Port table = port("tile_table", PortType::kBuffer, Direction::kOut, HEDDLE_PORT_KEPT);
+  table.byte_size = 4096;
+  table.glsl = "uint tile_table[];";
+  Port requests = port("requests", PortType::kBuffer, Direction::kOut, HEDDLE_PORT_LIST);
+  requests.capacity = 4096;
+  requests.element_bytes = 8;
+  requests.glsl = "uvec2 requests[];";
+  t.ports = {state, table, requests, image_out_sized("tile_cache", VK_FORMAT_R8G8B8A8_SRGB, 64, 1, HEDDLE_PORT_KEPT)};
+  t.stages = {{"manage", StageKind::kCpu, {touch("requests", HEDDLE_ACCESS_HOST_READ), value("virtual_state")}, 2},
+              {"upload", StageKind::kGpu, {touch("tile_cache", HEDDLE_ACCESS_TRANSFER_WRITE)}},
+              {"publish", StageKind::kGpu, {written("tile_table")}}};
+  t.shaders = {shader("fill", ShaderKind::kCompute, "publish")};
+  t.functions = {{"texture_source",
+                  "virtual.glsl",
+                  {value("virtual_state"), touch("tile_table", HEDDLE_ACCESS_STORAGE_READ),
+                   touch("tile_cache", HEDDLE_ACCESS_SAMPLED_LINEAR), touch("requests", HEDDLE_ACCESS_APPEND)},
+                  {},
+                  false}};
+  t.features = {"texture_source.virtual"};
+  t.components = {"texture_source.virtual"};
   return t;
 }
 
@@ -355,8 +428,8 @@ Technique sorted() {
                StageKind::kGpu,
                {touch("surfaces", HEDDLE_ACCESS_DRAW), value("camera"), value("lights"), blended,
                 touch("depth_buffer", HEDDLE_ACCESS_DEPTH_READ)}}};
-  t.shaders = {
-      shader("blend", ShaderKind::kSurfaces, "draw", {"shadow", "surface_material", "sky", "light_assignment"})};
+  t.shaders = {shader("blend", ShaderKind::kSurfaces, "draw",
+                      {"shadow", "surface_material", "sky", "light_assignment", "texture_source"})};
   t.features = {"blended"};
   return t;
 }
@@ -406,9 +479,10 @@ PluginFolder::PluginFolder() {
   std::string pattern = (fs::temp_directory_path() / "heddle-graph-XXXXXX").string();
   if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
   folder_ = pattern;
-  for (const Technique& t : {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(),
-                             gtao(), ray_traced(), shadow_map(), ray_marched_screen(), ggx(), tiled(), heat_map(),
-                             deferred(), path_tracer(), supersampled(), sorted(), display(), paint_dots()}) {
+  for (const Technique& t :
+       {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(), gtao(), ray_traced(),
+        baked(), bake_depth_maps(), shadow_map(), ray_marched_screen(), ggx(), tiled(), virtual_texture(), heat_map(),
+        deferred(), path_tracer(), supersampled(), sorted(), display(), paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // job_probe/...: jobs in slices on the CPU and on the GPU, jobs that look at a mesh, at textures of lights or need a
 // camera, and who reads what they leave. For tests.
+#include <heddle/slices.h>
 #include <heddle/pass.hpp>
 
 #include <array>
@@ -130,6 +131,39 @@ struct Gpu {
   // What it needs is in the buffer and in info.slice, which the host keeps.
   heddle_status save_state(const Frame&) const { return HEDDLE_OK; }
   heddle_status load_state(const Frame&, std::span<const std::byte>) const { return HEDDLE_OK; }
+};
+
+// ---- pair: the same sums, cleared and added to on the device in each slice, and gathered on the CPU
+constexpr heddle_parameter kPairParameters[] = {
+    integer("slices", "1", 1, 64, 5, "in how many slices"),
+    text("first", "the stage that slices begin with"),
+};
+struct Pair {
+  heddle_status record(const Frame& frame) {
+    if (frame.stage() == 0) return frame.dispatch("clear", 1);
+    return frame.dispatch("add", 1, 1, 1, frame.info().slice);
+  }
+  heddle_status execute(const Frame& frame) {
+    const std::uint32_t slice = frame.info().slice;
+    raise_at(slice);
+    frame.host().inform("slice " + std::to_string(slice));
+    heddle_mapped sums;
+    if (const heddle_status status = frame.map("sums", sums); status != HEDDLE_OK) return status;
+    for (std::size_t i = 0; i < table.size(); ++i) table[i] += static_cast<const std::uint32_t*>(sums.data)[i];
+    if (slice + 1 == static_cast<std::uint32_t>(frame.host().integer("slices")))
+      return frame.set_value<double>("table", table);
+    const auto* slices = frame.host().service<heddle_slices_service>(HEDDLE_SLICES_SERVICE);
+    const std::string first = frame.host().text("first");
+    const heddle_status status =
+        slices->begin_with(frame.host().raw(), frame.raw(), first.empty() ? "clear" : first.c_str());
+    return status == HEDDLE_OK ? HEDDLE_MORE : status;
+  }
+  heddle_status save_state(const Frame& frame) const { return frame.keep_state<double>(table); }
+  heddle_status load_state(const Frame&, std::span<const std::byte> state) {
+    std::memcpy(table.data(), state.data(), state.size());
+    return HEDDLE_OK;
+  }
+  std::array<double, 8> table{};
 };
 
 // ---- areas: of the scene's triangles; one without area is an error
@@ -272,6 +306,12 @@ constexpr heddle_technique kGpu = [] {
   t.shaders = list(kGpuShaders, t.shader_count);
   return t;
 }();
+constexpr heddle_technique kPair = [] {
+  heddle_technique t = make<Pair>("job_probe/pair", kGpuPorts, kGpuStages);
+  t.parameters = list(kPairParameters, t.parameter_count);
+  t.shaders = list(kGpuShaders, t.shader_count);
+  return t;
+}();
 constexpr heddle_technique kAreas = [] {
   heddle_technique t = make<Areas>("job_probe/areas", kAreasPorts, kAreasStages);
   t.features = "surfaces";
@@ -288,4 +328,4 @@ constexpr heddle_technique kShow = [] {
 
 }  // namespace
 
-HEDDLE_PLUGIN(kCount, kPlain, kGpu, kAreas, kLook, kFilm, kPicture, kShow)
+HEDDLE_PLUGIN(kCount, kPlain, kGpu, kPair, kAreas, kLook, kFilm, kPicture, kShow)

@@ -46,8 +46,8 @@ Ran new_technique(const std::string& arguments) {
 std::vector<std::string> role_names() {
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(fs::path(HEDDLE_SOURCE_DIR) / "plugins")) {
-    // Roles that make surfaces have no template, which a test below shows.
-    const bool has_template = entry.path().filename() != "subdivision";
+    // Roles that make surfaces or artifacts have no template, which tests below show.
+    const bool has_template = entry.path().filename() != "subdivision" && entry.path().filename() != "bake_visibility";
     if (has_template && fs::exists(entry.path() / "role.toml")) names.push_back(entry.path().filename());
   }
   return names;
@@ -309,12 +309,12 @@ TEST_F(Generated, FoldersHoldWhatTheStyleAsksFor) {
 TEST(NewTechnique, RefusesAnUnknownRole) {
   const Ran ran = new_technique("shadwo soft --folder /nowhere");
   EXPECT_EQ(ran.status, HEDDLE_BAD_INPUT);
-  EXPECT_EQ(
-      ran.output,
-      "error: there is no role 'shadwo'\n"
-      "  expected: one of ambient_occlusion, antialiasing, display, gbuffer, light_assignment, light_count, lighting, "
-      "ray_tracing, shadow, sky, subdivision, surface_material, transparency\n"
-      "  help:     a new role begins with a role.toml in a folder of its own\n");
+  EXPECT_EQ(ran.output,
+            "error: there is no role 'shadwo'\n"
+            "  expected: one of ambient_occlusion, antialiasing, bake_visibility, display, function_image, gbuffer, "
+            "light_assignment, light_count, lighting, ray_tracing, shadow, sky, subdivision, surface_material, "
+            "surface_program, texture_source, transparency\n"
+            "  help:     a new role begins with a role.toml in a folder of its own\n");
 }
 
 TEST(NewTechnique, HasNoTemplateForRolesThatMakeSurfaces) {
@@ -323,6 +323,15 @@ TEST(NewTechnique, HasNoTemplateForRolesThatMakeSurfaces) {
   EXPECT_EQ(ran.output,
             "error: no template for role 'subdivision': its 'surfaces' are surfaces that techniques make\n"
             "  help:     begin with a copy of another technique's folder\n");
+}
+
+TEST(NewTechnique, HasNoTemplateForRolesThatMakeArtifacts) {
+  const Ran ran = new_technique("bake_visibility mine --folder /nowhere");
+  EXPECT_EQ(ran.status, HEDDLE_UNSUPPORTED);
+  EXPECT_EQ(
+      ran.output,
+      "error: no template for role 'bake_visibility': its output 'occlusion' is no image but of the type artifact\n"
+      "  help:     begin with a copy of another technique's folder\n");
 }
 
 TEST(NewTechnique, RefusesABadName) {

@@ -1,0 +1,421 @@
+// SPDX-License-Identifier: Apache-2.0
+// bake_visibility/depth_maps: the scene seen from directions all around, a few at a time, one orthographic depth map
+// each; every element of every surface looks into all of them. What looks, where sums are kept and how often they are
+// read back is the pipeline's: five of them, the default one being all on the GPU.
+#include "compare.hpp"
+
+#include "bake_directions.hpp"
+#include "depth_maps.hpp"
+
+#include <heddle/slices.h>
+#include <heddle/pass.hpp>
+#include <heddle/views.hpp>
+
+#include <cstring>
+
+namespace {
+
+using namespace baked_visibility;
+using namespace heddle::pass;
+
+constexpr heddle_port kPorts[] = {
+    surfaces_in("surfaces", "what occludes: opaque and masked batches"),
+    port("occlusion", HEDDLE_PORT_ARTIFACT, HEDDLE_OUT, "visibility and mean open direction of every element"),
+    port("report", HEDDLE_PORT_REPORT, HEDDLE_OUT, "how much was asked, and what could not be done as wished"),
+    value_out("directions", 64, "of each: three rows of its view, and where it is", "vec4 directions[];"),
+    buffer_out("elements", 32, "vec4 elements[];", "position and normal, relative to the scene's bounding sphere"),
+    buffer_out("sums", 32, "vec4 sums[];", "weight, open weight, tests; open direction"),
+    image_out_sized("depth_maps", VK_FORMAT_D32_SFLOAT, 1, 1, "of the directions of a slice, reversed depth"),
+    image_out_sized("target", VK_FORMAT_R8G8B8A8_UNORM, 1, 1, "split_ramp, gpu_compare: halves of weight and sample"),
+};
+
+constexpr const char* kPipelines[] = {"float_sums", "split_ramp", "gpu_compare", "cpu_compare", nullptr};
+enum : std::uint32_t { kFloatSums, kSplitRamp, kGpuCompare, kCpuCompare };
+constexpr const char* kElementKinds[] = {"lattice", "vertices", "texels", nullptr};
+constexpr const char* kSets[] = {"fibonacci", "random", nullptr};
+constexpr const char* kDepthFormats[] = {"d32", "d16", "d8", nullptr};
+enum : std::uint32_t { kD32, kD16, kD8 };
+constexpr const char* kCasters[] = {"both_sides", "fronts", nullptr};
+
+constexpr double kDirectionLadder[] = {64, 256, 1024, 4096};
+constexpr double kResolutionLadder[] = {256, 512, 1024, 2048};
+constexpr double kSpacingLadder[] = {1, 0.5, 0.25, 0.125};
+constexpr double kFormatLadder[] = {2, 1, 0};
+constexpr heddle_parameter kParameters[] = {
+    knob(integer("directions", "1", 1, 16384, 512, "over the whole sphere, shared by all elements"), kDirectionLadder),
+    knob(integer("resolution", "px", 16, 4096, 1024, "side of a depth map", HEDDLE_PARAMETER_REDECLARE),
+         kResolutionLadder),
+    choice("elements", kElementKinds, 0,
+           "what asks: a lattice on each triangle, its vertices, or the texels of its own texture coordinates (uv1, "
+           "else uv0)",
+           HEDDLE_PARAMETER_REDECLARE),
+    knob(parameter("spacing", "m", 1e-4, 1e4, 0.25, "between elements, at most", HEDDLE_TYPE_FLOAT,
+                   HEDDLE_PARAMETER_REDECLARE),
+         kSpacingLadder),
+    parameter("inset", "1", 0, 0.5, 0.1, "of the spacing: how far elements lie off the rims of smooth parts",
+              HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
+    parameter("bias", "px", 0, 16, 1, "texels of a depth map along the surface that an element reaches over"),
+    parameter("bias_limit", "1", 0, 1000, 8,
+              "largest slope that the bias follows; 0: all, and leaks at grazing angles"),
+    knob(choice("depth_format", kDepthFormats, 0, "float32, or 16 or 8 bits over the scene's diameter",
+                HEDDLE_PARAMETER_REDECLARE),
+         kFormatLadder),
+    choice("casters", kCasters, 0, "what occludes of surfaces that are not double-sided: both sides, or fronts alone"),
+    choice("pipeline", kPipelines, 0,
+           "float_sums: all on the GPU; split_ramp: 8-bit sums of `passes` directions, read back; gpu_compare: 8 bits, "
+           "read back for each direction; cpu_compare: depth maps read back",
+           HEDDLE_PARAMETER_REDECLARE),
+    integer("batch", "1", 1, 64, 8, "float_sums: directions whose depth maps are there at a time",
+            HEDDLE_PARAMETER_REDECLARE),
+    integer("passes", "1", 1, 17, 16, "split_ramp: directions that 8 bits add up; at 15 each 17 fill them",
+            HEDDLE_PARAMETER_REDECLARE),
+    choice("set", kSets, 0, "of directions: even, or independent of each other"),
+    integer("seed", "1", 0, 1'000'000, 0, "turns the even set, chooses the random one"),
+    toggle("fill", true, "elements that see nothing, because they lie in something, take the mean of open neighbours"),
+};
+
+constexpr heddle_access kFit[] = {value("directions"), host_write("elements")};
+constexpr heddle_access kClear[] = {storage_write("sums")};
+constexpr heddle_access kDraw[] = {drawn("surfaces"), depth_cleared("depth_maps")};
+constexpr heddle_access kSample[] = {storage_read("elements"), value("directions"), sampled("depth_maps"),
+                                     storage_read_write("sums")};
+constexpr heddle_access kSplit[] = {storage_read("elements"), value("directions"), sampled("depth_maps"), [] {
+                                      heddle_access a = color_cleared("target", {0, 0, 0, 0});
+                                      a.blend = HEDDLE_BLEND_ADD;
+                                      return a;
+                                    }()};
+constexpr heddle_access kCollect[] = {host_read("target")};
+constexpr heddle_access kCompare[] = {host_read("depth_maps")};
+constexpr heddle_access kKeep[] = {host_read("sums"), value("occlusion"), value("report")};
+enum : std::uint32_t {
+  kFitStage,
+  kClearStage,
+  kDrawStage,
+  kSampleStage,
+  kSplitStage,
+  kCollectStage,
+  kCompareStage,
+  kKeepStage
+};
+constexpr heddle_stage kStages[] = {
+    cpu_stage("fit", kFit),         gpu_stage("clear", kClear), gpu_stage("draw", kDraw),
+    gpu_stage("sample", kSample),   gpu_stage("split", kSplit), cpu_stage("collect", kCollect),
+    cpu_stage("compare", kCompare), cpu_stage("keep", kKeep),
+};
+constexpr heddle_shader kShaders[] = {
+    compute_shader("clear", "clear", "clear.comp.glsl"),
+    surfaces_shader("depth", "draw", ""),
+    compute_shader("sample", "sample", "sample.comp.glsl"),
+    fullscreen_shader("split", "split", "split.frag.glsl"),
+};
+
+constexpr std::uint64_t kMostMapBytes = 256U << 20;  // of the depth maps of a slice
+constexpr double kBorderTexels = 2;  // around the bounding sphere: elements on its rim have a texel (H11)
+/// Of the scene's diameter: what float32 rounds in a few products and sums, a few times over.
+constexpr double kRounding = 0x1p-20;
+
+/// What outlasts a process, before the sums of pipelines that add up on the CPU.
+struct Counted {
+  std::uint64_t read_backs = 0, read_bytes = 0, tests = 0;
+};
+
+class DepthMaps {
+ public:
+  heddle_status declare(const PassHost& host) {
+    pipeline_ = host.choice("pipeline");
+    const auto side = static_cast<std::uint32_t>(host.integer("resolution"));
+    const std::uint64_t most = std::max<std::uint64_t>(kMostMapBytes / (4ULL * side * side), 1);
+    const std::int32_t wanted = pipeline_ == kFloatSums   ? host.integer("batch")
+                                : pipeline_ == kSplitRamp ? host.integer("passes")
+                                                          : 1;
+    batch_ = static_cast<std::uint32_t>(std::min<std::uint64_t>(static_cast<std::uint64_t>(wanted), most));
+    ElementSettings settings;
+    settings.kind = static_cast<ElementKind>(host.choice("elements"));
+    settings.spacing = host.parameter("spacing");
+    settings.inset = host.parameter("inset");
+    set_ = make_elements(Meshes(host), settings);
+    const std::uint64_t count = std::max<std::uint64_t>(set_.elements.size(), 1);
+    heddle_shape maps{};
+    maps.format = host.choice("depth_format") == kD16 ? VK_FORMAT_D16_UNORM : VK_FORMAT_D32_SFLOAT;
+    maps.width = maps.height = side;
+    maps.layers = batch_;
+    heddle_shape elements{};
+    elements.byte_size = 16ULL * BAKE_VECTORS_PER_ELEMENT * count;
+    heddle_shape sums{};
+    sums.byte_size = 16ULL * BAKE_VECTORS_PER_SUM * (pipeline_ == kFloatSums ? count : 1);
+    heddle_shape directions{};
+    directions.byte_size = 16ULL * BAKE_VECTORS_PER_DIRECTION * static_cast<std::uint64_t>(host.integer("directions"));
+    heddle_shape target{};
+    target.width = target.height = 1;
+    if (is_split()) {
+      target.width = BAKE_TARGET_WIDTH;
+      target.height = static_cast<std::uint32_t>((count + BAKE_TARGET_WIDTH - 1) / BAKE_TARGET_WIDTH);
+    }
+    for (const auto& [name, shape] :
+         {std::pair("depth_maps", maps), std::pair("elements", elements), std::pair("sums", sums),
+          std::pair("directions", directions), std::pair("target", target)})
+      if (const heddle_status status = host.set_shape(name, shape); status != HEDDLE_OK) return status;
+    return HEDDLE_OK;
+  }
+
+  std::uint32_t activity(const Frame& frame) const {
+    const bool is_due = [&] {
+      switch (frame.stage()) {
+        case kClearStage:
+        case kSampleStage:
+          return pipeline_ == kFloatSums;
+        case kSplitStage:
+        case kCollectStage:
+          return is_split();
+        case kCompareStage:
+          return pipeline_ == kCpuCompare;
+        default:
+          return true;
+      }
+    }();
+    return is_due && (frame.stage() == kFitStage || frame.stage() == kKeepStage || !set_.elements.empty())
+               ? HEDDLE_RUN
+               : HEDDLE_NOTHING;
+  }
+
+  heddle_status record(const Frame& frame) {
+    switch (frame.stage()) {
+      case kClearStage:
+        return frame.dispatch("clear", groups(), 1, 1, push(frame, 0, 0));
+      case kDrawStage:
+        return draw(frame);
+      case kSampleStage:
+        return sample(frame);
+      default:
+        return split(frame);
+    }
+  }
+
+  heddle_status execute(const Frame& frame) {
+    switch (frame.stage()) {
+      case kFitStage:
+        return fit(frame);
+      case kCollectStage:
+        return collect(frame);
+      case kCompareStage:
+        return compare(frame);
+      default:
+        return keep(frame);
+    }
+  }
+
+  heddle_status save_state(const Frame& frame) const {
+    const heddle_status status = frame.keep_state(std::span(&counted_, 1));
+    return status == HEDDLE_OK ? frame.keep_state(std::span<const Sums>(sums_)) : status;
+  }
+  heddle_status load_state(const Frame&, std::span<const std::byte> state) {
+    if (state.size() != sizeof counted_ + sums_.size() * sizeof(Sums)) return HEDDLE_UNSUPPORTED;
+    std::memcpy(&counted_, state.data(), sizeof counted_);
+    if (!sums_.empty()) std::memcpy(sums_.data(), state.data() + sizeof counted_, state.size() - sizeof counted_);
+    return HEDDLE_OK;
+  }
+
+ private:
+  [[nodiscard]] bool is_split() const { return pipeline_ == kSplitRamp || pipeline_ == kGpuCompare; }
+  [[nodiscard]] std::uint32_t groups() const {
+    return static_cast<std::uint32_t>((set_.elements.size() + BAKE_GROUP_SIZE - 1) / BAKE_GROUP_SIZE);
+  }
+  [[nodiscard]] std::uint32_t slice_count() const {
+    return static_cast<std::uint32_t>((views_.size() + batch_ - 1) / batch_);
+  }
+  [[nodiscard]] std::uint32_t first_direction(const Frame& frame) const { return frame.info().slice * batch_; }
+  [[nodiscard]] std::uint32_t direction_count(const Frame& frame) const {
+    return std::min(batch_, static_cast<std::uint32_t>(views_.size()) - first_direction(frame));
+  }
+
+  [[nodiscard]] BakePush push(const Frame& frame, std::uint32_t first, std::uint32_t count) const {
+    const PassHost host = frame.host();
+    const std::uint32_t format = host.choice("depth_format");
+    // README equation (4): depth is 1 over the length of a view.
+    const double texel = 2.0 * half_size_ / host.integer("resolution");
+    const double step = format == kD16 ? 1.0 / 65535 : format == kD8 ? 1.0 / 255 : 0.0;
+    BakePush push{};
+    push.element_count = static_cast<std::uint32_t>(set_.elements.size());
+    push.first_direction = first;
+    push.direction_count = count;
+    push.bias_slope = static_cast<float>(host.parameter("bias") * texel / length_);
+    push.bias_constant = static_cast<float>(kRounding + step);
+    push.bias_limit = static_cast<float>(host.parameter("bias_limit"));
+    push.depth_steps = format == kD8 ? 255.0F : 0.0F;
+    return push;
+  }
+
+  /// README equation (2): one view a direction, all of one size, around the scene's bounding sphere.
+  heddle_status fit(const Frame& frame) {
+    const PassHost host = frame.host();
+    const double side = host.integer("resolution");
+    half_size_ = set_.radius * side / std::max(side - 2 * kBorderTexels, 1.0);
+    length_ = 2 * half_size_;
+    const auto wanted = static_cast<std::uint32_t>(host.integer("directions"));
+    const std::vector<glm::dvec3> all = baked_visibility::directions(
+        wanted, static_cast<DirectionSet>(host.choice("set")), static_cast<std::uint32_t>(host.integer("seed")));
+    views_.clear();
+    rows_.clear();
+    for (const glm::dvec3& s : all) {
+      // Relative to the sphere's centre: the instances that the host places there serve all views.
+      HeddleView view =
+          depth_maps::orthographic_view(depth_maps::axes_along(-s), glm::dvec3(0.0), glm::dvec2(half_size_), length_, 0,
+                                        static_cast<std::uint32_t>(side))
+              .draw;
+      // The near plane is half a length in front of the centre: depth is 1/2 there.
+      glm::dmat4 shift(1.0);
+      shift[3][2] = -0.5;
+      const auto move = [&](float(&matrix)[16]) {
+        glm::dmat4 m(glm::make_mat4(matrix));
+        m = shift * m;
+        for (int i = 0; i < 16; ++i) matrix[i] = static_cast<float>(m[i / 4][i % 4]);
+      };
+      move(view.clip_from_rel);
+      move(view.previous_clip_from_rel);
+      const glm::dmat4 inverse = glm::inverse(glm::dmat4(glm::make_mat4(view.clip_from_rel)));
+      for (int i = 0; i < 16; ++i) view.rel_from_clip[i] = static_cast<float>(inverse[i / 4][i % 4]);
+      views_.push_back(view);
+      // The numbers that the map is drawn with (H18), not others of the same matrix.
+      for (const int r : {0, 1, 2}) {
+        glm::vec4 row;
+        for (int c = 0; c < 4; ++c) row[c] = view.clip_from_rel[4 * c + r];
+        rows_.push_back(row);
+      }
+      rows_.emplace_back(glm::vec3(s), 0.0F);
+    }
+    heddle_mapped out;
+    if (const heddle_status status = frame.map("elements", out); status != HEDDLE_OK) return status;
+    elements_.assign(std::max<std::size_t>(set_.elements.size(), 1) * BAKE_VECTORS_PER_ELEMENT, glm::vec4(0.0F));
+    for (std::size_t e = 0; e < set_.elements.size(); ++e) {
+      elements_[BAKE_VECTORS_PER_ELEMENT * e] = glm::vec4(set_.elements[e].position, 1.0F);
+      elements_[BAKE_VECTORS_PER_ELEMENT * e + 1] = glm::vec4(set_.elements[e].normal, 0.0F);
+    }
+    std::memcpy(out.data, elements_.data(), elements_.size() * sizeof(glm::vec4));
+    sums_.assign(pipeline_ == kFloatSums ? 0 : set_.elements.size(), {});
+    counted_ = {};
+    return frame.set_value<glm::vec4>("directions", rows_);
+  }
+
+  heddle_status draw(const Frame& frame) const {
+    const auto views = Views::of(frame);
+    if (!views) return HEDDLE_UNSUPPORTED;
+    const std::uint32_t first = first_direction(frame), count = direction_count(frame);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      heddle_draw drawing = Frame::drawing("depth");
+      drawing.view = &views_[first + i];
+      drawing.include = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED;
+      drawing.layer = i;
+      drawing.cull = frame.host().choice("casters") == 1 ? HEDDLE_CULL_MATERIAL : HEDDLE_CULL_DEFAULT;
+      heddle_placed_draw placed{sizeof placed, 1, &drawing, {set_.origin.x, set_.origin.y, set_.origin.z}};
+      if (const heddle_status status = views->draw(placed); status != HEDDLE_OK) return status;
+    }
+    heddle::pass::count(frame.host(), "depth_maps", count);
+    return HEDDLE_OK;
+  }
+
+  /// The next slice, or none.
+  heddle_status go_on(const Frame& frame) const {
+    const std::uint32_t done = frame.info().slice + 1;
+    if (const heddle_status status = frame.progress(static_cast<double>(done) / slice_count()); status != HEDDLE_OK)
+      return status;
+    if (done >= slice_count()) return HEDDLE_OK;
+    const auto* slices = frame.host().service<heddle_slices_service>(HEDDLE_SLICES_SERVICE);
+    if (slices == nullptr)
+      return frame.host().fail(HEDDLE_UNSUPPORTED, "this host has no service " HEDDLE_SLICES_SERVICE);
+    const heddle_status status = slices->begin_with(frame.host().raw(), frame.raw(), "draw");
+    return status == HEDDLE_OK ? HEDDLE_MORE : status;
+  }
+
+  heddle_status sample(const Frame& frame) const {
+    const heddle_status status =
+        frame.dispatch("sample", groups(), 1, 1, push(frame, first_direction(frame), direction_count(frame)));
+    return status == HEDDLE_OK ? go_on(frame) : status;
+  }
+
+  heddle_status split(const Frame& frame) const {
+    const std::uint32_t first = first_direction(frame);
+    for (std::uint32_t i = 0; i < direction_count(frame); ++i) {
+      BakePush one = push(frame, first + i, 1);
+      one.layer = i;
+      if (const heddle_status status = frame.fullscreen("split", 0, one); status != HEDDLE_OK) return status;
+    }
+    return HEDDLE_OK;
+  }
+
+  heddle_status map_and_count(const Frame& frame, const char* name, heddle_mapped& out) {
+    const heddle_status status = frame.map(name, out);
+    ++counted_.read_backs;
+    counted_.read_bytes += out.row_bytes * out.shape.height * std::max(out.shape.layers, 1U);
+    return status;
+  }
+
+  heddle_status collect(const Frame& frame) {
+    heddle_mapped target;
+    if (const heddle_status status = map_and_count(frame, "target", target); status != HEDDLE_OK) return status;
+    collect_split({static_cast<const std::uint8_t*>(target.data), 4 * sums_.size()}, sums_);
+    return go_on(frame);
+  }
+
+  heddle_status compare(const Frame& frame) {
+    heddle_mapped maps;
+    if (const heddle_status status = map_and_count(frame, "depth_maps", maps); status != HEDDLE_OK) return status;
+    const std::uint32_t first = first_direction(frame);
+    const DepthMap map{maps.data, maps.shape.format == VK_FORMAT_D16_UNORM, maps.shape.width};
+    counted_.tests += compare_depths(
+        map, std::span(rows_).subspan(std::size_t{BAKE_VECTORS_PER_DIRECTION} * first, BAKE_VECTORS_PER_DIRECTION),
+        push(frame, first, 1), elements_, sums_);
+    return go_on(frame);
+  }
+
+  /// README equation (1), and the artifact.
+  heddle_status keep(const Frame& frame) {
+    const PassHost host = frame.host();
+    if (pipeline_ == kFloatSums) {
+      heddle_mapped out;
+      if (const heddle_status status = frame.map("sums", out); status != HEDDLE_OK) return status;
+      ++counted_.read_backs;
+      counted_.read_bytes += out.shape.byte_size;
+      const auto* sums = static_cast<const glm::vec4*>(out.data);
+      sums_.resize(set_.elements.size());
+      for (std::size_t e = 0; e < sums_.size(); ++e) {
+        const glm::dvec4 weights(sums[BAKE_VECTORS_PER_SUM * e]), bent(sums[BAKE_VECTORS_PER_SUM * e + 1]);
+        sums_[e] = {weights.x, weights.y, {bent.x, bent.y, bent.z}};
+        counted_.tests += static_cast<std::uint64_t>(weights.z);
+      }
+    }
+    const Blind blind = set_values(set_, sums_, host.toggle("fill"), views_.size());
+    for (const std::string& remark : set_.remarks)
+      if (const heddle_status status = frame.add_row("report", HEDDLE_SEVERITY_WARNING, remark); status != HEDDLE_OK)
+        return status;
+    heddle_status status = frame.add_row(
+        "report", HEDDLE_SEVERITY_INFO, "visibility is baked",
+        {{"elements", static_cast<double>(set_.elements.size())},
+         {"directions", static_cast<double>(views_.size())},
+         {"spacing", set_.spacing},
+         {"texel", 2.0 * half_size_ / host.integer("resolution")},
+         {"closed", static_cast<double>(blind.closed)},
+         {"without_side", static_cast<double>(blind.without_side)},
+         {"read_backs", static_cast<double>(counted_.read_backs)},
+         {"read_bytes", static_cast<double>(counted_.read_bytes)},
+         {"tests",
+          pipeline_ == kSplitRamp || pipeline_ == kGpuCompare ? std::nan("") : static_cast<double>(counted_.tests)}});
+    if (status != HEDDLE_OK) return status;
+    return frame.set_value<std::byte>("occlusion", to_bytes(set_.baked));
+  }
+
+  std::uint32_t pipeline_ = kFloatSums, batch_ = 1;
+  ElementSet set_;
+  double half_size_ = 1, length_ = 2;  // metres, of all views
+  std::vector<HeddleView> views_;
+  std::vector<glm::vec4> rows_, elements_;  // as shaders see them
+  std::vector<Sums> sums_;
+  Counted counted_;
+};
+
+constexpr heddle_technique kDepthMaps =
+    technique<DepthMaps>("bake_visibility/depth_maps", "Occlusion of all surfaces by depth maps from all around",
+                         "Hill 2004, Hardware Accelerating Art Production", kPorts, kParameters, kStages, kShaders);
+
+}  // namespace
+
+HEDDLE_PLUGIN(kDepthMaps)

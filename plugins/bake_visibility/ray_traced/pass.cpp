@@ -1,0 +1,258 @@
+// SPDX-License-Identifier: Apache-2.0
+// bake_visibility/ray_traced: a ray from every element in every direction, on the CPU. The reference of its role.
+#include "bake_directions.hpp"
+#include "bake_elements.hpp"
+
+#include <heddle/pass.hpp>
+
+#include <embree3/rtcore.h>
+
+#include <cstring>
+#include <memory>
+
+namespace {
+
+using namespace baked_visibility;
+using namespace heddle::pass;
+
+constexpr heddle_port kPorts[] = {
+    surfaces_in("surfaces", "what occludes: opaque and masked batches"),
+    port("occlusion", HEDDLE_PORT_ARTIFACT, HEDDLE_OUT, "visibility and mean open direction of every element"),
+    port("report", HEDDLE_PORT_REPORT, HEDDLE_OUT, "how much was asked, and what could not be done as wished"),
+};
+constexpr const char* kElementKinds[] = {"lattice", "vertices", "texels", nullptr};
+constexpr const char* kSets[] = {"fibonacci", "random", nullptr};
+constexpr double kDirectionLadder[] = {64, 256, 1024, 4096, 16384};
+constexpr double kSpacingLadder[] = {1, 0.5, 0.25, 0.125};
+constexpr heddle_parameter kParameters[] = {
+    knob(integer("directions", "1", 1, 1 << 20, 1024, "over the whole sphere, shared by all elements"),
+         kDirectionLadder),
+    choice("elements", kElementKinds, 0,
+           "what asks: a lattice on each triangle, its vertices, or the texels of its own texture coordinates (uv1, "
+           "else uv0)"),
+    knob(parameter("spacing", "m", 1e-4, 1e4, 0.25, "between elements, at most"), kSpacingLadder),
+    parameter("inset", "1", 0, 0.5, 0.1, "of the spacing: how far elements lie off the rims of smooth parts"),
+    choice("set", kSets, 0, "of directions: even, or independent of each other"),
+    integer("seed", "1", 0, 1'000'000, 0, "turns the even set, chooses the random one"),
+    toggle("fill", true, "elements that see nothing, because they lie in something, take the mean of open neighbours"),
+};
+constexpr heddle_access kTrace[] = {host_read("surfaces"), value("occlusion"), value("report")};
+constexpr heddle_stage kStages[] = {cpu_stage("trace", kTrace)};
+
+constexpr unsigned kPacket = 16;
+constexpr std::size_t kRaysPerSlice = 1U << 21;
+/// Units in the last place of the largest coordinate that a ray starts off its surface, as ambient_occlusion/ray_traced
+/// does: vertices and intersections are float32.
+constexpr double kLiftUlps = 8;
+
+/// One Embree device and scene.
+class Occluders {
+ public:
+  ~Occluders() {
+    if (scene_ != nullptr) rtcReleaseScene(scene_);
+    if (device_ != nullptr) rtcReleaseDevice(device_);
+  }
+  Occluders() = default;
+  Occluders(const Occluders&) = delete;
+  Occluders& operator=(const Occluders&) = delete;
+
+  /// False: Embree cannot; why is in error().
+  [[nodiscard]] bool build(const heddle_snapshot& snapshot, heddle_alpha_test alpha, const glm::dvec3& origin) {
+    device_ = rtcNewDevice("threads=1");
+    if (device_ == nullptr) {
+      error_ = "there is no Embree device";
+      return false;
+    }
+    rtcSetDeviceErrorFunction(
+        device_, [](void* self, RTCError, const char* text) { static_cast<Occluders*>(self)->error_ = text; }, this);
+    scene_ = rtcNewScene(device_);
+    rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
+    snapshot_ = &snapshot;
+    alpha_ = alpha;
+    const glm::dvec3 shift = glm::dvec3(snapshot.origin[0], snapshot.origin[1], snapshot.origin[2]) - origin;
+    for (std::uint32_t v = 0; v < snapshot.vertex_count; ++v) {
+      const float* p = snapshot.positions + std::size_t{3} * v;
+      positions_.emplace_back(glm::dvec3(p[0], p[1], p[2]) + shift);
+      for (int c = 0; c < 3; ++c)
+        if (std::isfinite(positions_.back()[c])) largest_ = std::max(largest_, std::abs(positions_.back()[c]));
+    }
+    for (std::uint32_t t = 0; t < snapshot.triangle_count; ++t)
+      if ((snapshot.flags[t] & (HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED)) != 0) triangles_.push_back(t);
+    RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
+    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, positions_.data(), 0,
+                               sizeof(glm::vec3), positions_.size());
+    auto* indices = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(
+        geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t), triangles_.size()));
+    for (std::size_t i = 0; indices != nullptr && i < triangles_.size(); ++i)
+      std::memcpy(indices + 3 * i, snapshot.indices + std::size_t{3} * triangles_[i], 3 * sizeof(std::uint32_t));
+    rtcSetGeometryUserData(geometry, this);
+    if (alpha_ != nullptr) rtcSetGeometryOccludedFilterFunction(geometry, &filter);
+    rtcCommitGeometry(geometry);
+    rtcAttachGeometry(scene_, geometry);
+    rtcReleaseGeometry(geometry);
+    rtcCommitScene(scene_);
+    return error_.empty();
+  }
+  [[nodiscard]] const std::string& error() const { return error_; }
+  /// Metres that the rays of an element start in front of it.
+  [[nodiscard]] double lift() const { return kLiftUlps * 0x1p-24 * static_cast<double>(largest_); }
+
+  /// Bit i: direction i is free.
+  [[nodiscard]] std::uint32_t trace(const glm::vec3& from, std::span<const glm::vec3> directions) const {
+    alignas(64) std::array<int, kPacket> valid{};
+    RTCRay16 rays;
+    for (unsigned i = 0; i < kPacket; ++i) {
+      valid[i] = i < directions.size() ? -1 : 0;
+      const glm::vec3 d = i < directions.size() ? directions[i] : glm::vec3(0, 0, 1);
+      rays.org_x[i] = from.x;
+      rays.org_y[i] = from.y;
+      rays.org_z[i] = from.z;
+      rays.dir_x[i] = d.x;
+      rays.dir_y[i] = d.y;
+      rays.dir_z[i] = d.z;
+      rays.tnear[i] = 0;
+      rays.tfar[i] = HUGE_VALF;
+      rays.time[i] = 0;
+      rays.mask[i] = ~0U;
+      rays.id[i] = i;
+      rays.flags[i] = 0;
+    }
+    RTCIntersectContext context;
+    rtcInitIntersectContext(&context);
+    rtcOccluded16(valid.data(), scene_, &context, &rays);
+    std::uint32_t free = 0;
+    for (unsigned i = 0; i < directions.size(); ++i)
+      if (rays.tfar[i] >= 0) free |= 1U << i;
+    return free;
+  }
+
+ private:
+  /// Holes of alpha masks let rays through.
+  static void filter(const RTCFilterFunctionNArguments* arguments) {
+    const auto* self = static_cast<const Occluders*>(arguments->geometryUserPtr);
+    for (unsigned i = 0; i < arguments->N; ++i) {
+      if (arguments->valid[i] != -1) continue;
+      const std::uint32_t triangle = self->triangles_[RTCHitN_primID(arguments->hit, arguments->N, i)];
+      if ((self->snapshot_->flags[triangle] & HEDDLE_SURFACE_MASKED) == 0) continue;
+      if (self->alpha_(self->snapshot_, triangle, RTCHitN_u(arguments->hit, arguments->N, i),
+                       RTCHitN_v(arguments->hit, arguments->N, i)) == 0)
+        arguments->valid[i] = 0;
+    }
+  }
+
+  RTCDevice device_ = nullptr;
+  RTCScene scene_ = nullptr;
+  const heddle_snapshot* snapshot_ = nullptr;  // of the running call
+  heddle_alpha_test alpha_ = nullptr;
+  std::vector<glm::vec3> positions_;
+  std::vector<std::uint32_t> triangles_;  // Embree's -> the snapshot's
+  float largest_ = 0;
+  std::string error_;
+};
+
+class RayTraced {
+ public:
+  heddle_status execute(const Frame& frame) {
+    if (!occluders_ || frame.info().slice == 0)
+      if (const heddle_status status = begin(frame); status != HEDDLE_OK) return status;
+    const std::size_t per_slice = std::max<std::size_t>(kRaysPerSlice / directions_.size(), 1);
+    const std::size_t first = per_slice * frame.info().slice;
+    const std::size_t end = std::min(set_.elements.size(), first + per_slice);
+    for (std::size_t e = first; e < end; ++e) sums_[e] = ask(set_.elements[e]);
+    const double done = set_.elements.empty() ? 1.0 : static_cast<double>(end) / static_cast<double>(sums_.size());
+    if (const heddle_status status = frame.progress(done); status != HEDDLE_OK) return status;
+    return end < set_.elements.size() ? HEDDLE_MORE : keep(frame);
+  }
+  heddle_status save_state(const Frame& frame) const { return frame.keep_state(std::span<const Sums>(sums_)); }
+  heddle_status load_state(const Frame& frame, std::span<const std::byte> state) {
+    if (const heddle_status status = begin(frame); status != HEDDLE_OK) return status;
+    if (state.size() != sums_.size() * sizeof(Sums)) return HEDDLE_UNSUPPORTED;
+    if (!sums_.empty()) std::memcpy(sums_.data(), state.data(), state.size());
+    return HEDDLE_OK;
+  }
+
+ private:
+  heddle_status begin(const Frame& frame) {
+    const PassHost host = frame.host();
+    ElementSettings settings;
+    settings.kind = static_cast<ElementKind>(host.choice("elements"));
+    settings.spacing = host.parameter("spacing");
+    settings.inset = host.parameter("inset");
+    set_ = make_elements(Meshes(host), settings);
+    sums_.assign(set_.elements.size(), {});
+    directions_.clear();
+    for (const glm::dvec3& s :
+         directions(static_cast<std::uint32_t>(host.integer("directions")),
+                    static_cast<DirectionSet>(host.choice("set")), static_cast<std::uint32_t>(host.integer("seed"))))
+      directions_.emplace_back(s);
+    const heddle_snapshot* snapshot = nullptr;
+    heddle_alpha_test alpha = nullptr;
+    if (const heddle_status status = frame.snapshot("surfaces", snapshot, alpha); status != HEDDLE_OK) return status;
+    occluders_ = std::make_unique<Occluders>();
+    if (!occluders_->build(*snapshot, alpha, set_.origin))
+      return host.fail(HEDDLE_FAILED, "Embree: " + occluders_->error());
+    return HEDDLE_OK;
+  }
+
+  [[nodiscard]] Sums ask(const Element& element) const {
+    Sums sums;
+    const glm::vec3 from(glm::dvec3(element.position) + glm::dvec3(element.normal) * occluders_->lift());
+    std::array<glm::vec3, kPacket> packet;
+    std::array<double, kPacket> weights{};
+    std::size_t count = 0;
+    const auto trace = [&] {
+      const std::uint32_t free = occluders_->trace(from, std::span(packet).first(count));
+      for (std::size_t i = 0; i < count; ++i) {
+        sums.weight += weights[i];
+        if ((free >> i & 1U) == 0) continue;
+        sums.open += weights[i];
+        for (int c = 0; c < 3; ++c)
+          sums.bent[static_cast<std::size_t>(c)] += weights[i] * static_cast<double>(packet[i][c]);
+      }
+      count = 0;
+    };
+    for (const glm::vec3& s : directions_) {
+      const double h = glm::dot(glm::dvec3(element.normal), glm::dvec3(s));
+      if (!(h > 0)) continue;
+      weights[count] = h;
+      packet[count++] = s;
+      if (count == kPacket) trace();
+    }
+    if (count > 0) trace();
+    return sums;
+  }
+
+  heddle_status keep(const Frame& frame) {
+    const Blind blind = set_values(set_, sums_, frame.host().toggle("fill"), directions_.size());
+    for (const std::string& remark : set_.remarks)
+      if (const heddle_status status = frame.add_row("report", HEDDLE_SEVERITY_WARNING, remark); status != HEDDLE_OK)
+        return status;
+    const heddle_status status = frame.add_row("report", HEDDLE_SEVERITY_INFO, "visibility is baked",
+                                               {{"elements", static_cast<double>(set_.elements.size())},
+                                                {"directions", static_cast<double>(directions_.size())},
+                                                {"spacing", set_.spacing},
+                                                {"closed", static_cast<double>(blind.closed)},
+                                                {"without_side", static_cast<double>(blind.without_side)}});
+    occluders_.reset();
+    if (status != HEDDLE_OK) return status;
+    return frame.set_value<std::byte>("occlusion", to_bytes(set_.baked));
+  }
+
+  ElementSet set_;
+  std::vector<glm::vec3> directions_;
+  std::vector<Sums> sums_;
+  std::unique_ptr<Occluders> occluders_;
+};
+
+constexpr heddle_technique kRayTraced = [] {
+  heddle_technique t = technique<RayTraced>(
+      "bake_visibility/ray_traced", "Occlusion of all surfaces by rays, on the CPU",
+      "Zhukov, Iones and Kronin 1998, An Ambient Light Illumination Model; Wald et al. 2014, Embree", kPorts,
+      kParameters, kStages);
+  t.flags = HEDDLE_TECHNIQUE_REFERENCE;
+  return t;
+}();
+
+}  // namespace
+
+HEDDLE_PLUGIN(kRayTraced)

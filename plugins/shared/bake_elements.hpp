@@ -1,0 +1,493 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scene's meshes and instances -> the points at which a bake asks for visibility, and the places of their answers
+// in the artifact (baked_visibility.hpp). In float64.
+#pragma once
+
+#include "baked_visibility.hpp"
+
+#include <heddle/meshes.hpp>
+
+#include <glm/glm.hpp>
+#include <glm/gtc/type_ptr.hpp>
+
+#include <algorithm>
+#include <map>
+#include <numeric>
+#include <tuple>
+#include <utility>
+
+namespace baked_visibility {
+
+enum class ElementKind : std::uint32_t { kOnLattice, kOnVertices, kInTexels };
+
+struct ElementSettings {
+  ElementKind kind = ElementKind::kOnLattice;
+  double spacing = 0.25;  // metres between elements, at most
+  double inset = 0.1;     // of the spacing: how far elements lie off the rims of smooth parts
+};
+inline constexpr std::uint32_t kMostResolution = 128, kMostTexels = 1024;
+/// Elements that a bake makes at most: beyond it the spacing is doubled.
+inline constexpr std::uint64_t kMostElements = 4'000'000;
+
+/// A point that asks.
+struct Element {
+  glm::vec3 position{0.0F};  // relative to the set's origin, metres
+  glm::vec3 normal{0.0F};    // unit; zero: a degenerate one, which is open
+  std::uint32_t value = 0;   // in the artifact
+};
+
+struct ElementSet {
+  glm::dvec3 origin{0.0};  // of the scene's bounding sphere
+  double radius = 0;
+  std::vector<Element> elements;
+  Baked baked;                            // without values
+  std::vector<std::uint8_t> is_answered;  // by value: an element asks for it
+  std::vector<std::string> remarks;       // to be told
+  double spacing = 0;                     // as it was used
+};
+
+namespace detail {
+
+struct LocalElement {
+  glm::dvec3 position{0.0}, normal{0.0};
+  glm::dvec3 inward{0.0};  // the integral of unit directions over the angles of triangles around: 0 inside of a part
+  double room = HUGE_VAL;  // to the nearest of their middles
+  std::uint32_t value = 0;
+};
+/// A mesh's elements in object space.
+struct Layout {
+  std::uint32_t kind = kNothing;
+  std::uint32_t width = 0, height = 0, uv_set = 0, value_count = 0;
+  std::vector<LocalElement> elements;
+  std::vector<BakedTriangle> triangles;
+  std::vector<std::uint32_t> lattice;
+};
+
+inline glm::dvec3 position_of(const HeddleVertex& v) {
+  return {v.position[0], v.position[1], v.position[2]};
+}
+inline glm::dvec3 normal_of(const HeddleVertex& v) {
+  return {v.normal[0], v.normal[1], v.normal[2]};
+}
+/// Unit, or zero.
+inline glm::dvec3 unit(const glm::dvec3& v) {
+  const double length = glm::length(v);
+  return length > 0 && std::isfinite(length) ? v / length : glm::dvec3(0.0);
+}
+
+/// Corners, edges and insides of triangles, none twice: what triangles share they share by the mesh's own vertices.
+inline Layout make_lattice(const heddle_scene_mesh& mesh, double spacing) {
+  Layout layout;
+  layout.kind = kLattice;
+  std::map<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t, std::uint32_t>, std::uint32_t> known;
+  const std::uint32_t triangle_count = mesh.index_count / 3;
+  for (std::uint32_t t = 0; t < triangle_count; ++t) {
+    const std::uint32_t* first = mesh.indices + std::size_t{3} * t;
+    const std::array<std::uint32_t, 3> corner{first[0], first[1], first[2]};
+    std::array<glm::dvec3, 3> p;
+    for (std::size_t k = 0; k < 3; ++k) p[k] = position_of(mesh.vertices[corner[k]]);
+    double longest = 0;
+    for (std::size_t k = 0; k < 3; ++k) longest = std::max(longest, glm::distance(p[k], p[(k + 1) % 3]));
+    // Powers of two: lattices that meet at an edge share every point of the coarser one.
+    std::uint32_t resolution = 1;
+    while (spacing > 0 && resolution < kMostResolution && longest > spacing * resolution) resolution *= 2;
+    const glm::dvec3 middle = (p[0] + p[1] + p[2]) / 3.0;
+    BakedTriangle triangle;
+    triangle.first_lattice = static_cast<std::uint32_t>(layout.lattice.size());
+    triangle.resolution = resolution;
+    for (std::size_t k = 0; k < 3; ++k)
+      for (std::size_t c = 0; c < 3; ++c) triangle.corners[3 * k + c] = mesh.vertices[corner[k]].position[c];
+    layout.triangles.push_back(triangle);
+    for (std::uint32_t j = 0; j <= resolution; ++j) {
+      for (std::uint32_t i = 0; i + j <= resolution; ++i) {
+        const std::array<std::uint32_t, 3> weight{resolution - i - j, i, j};
+        const std::size_t zeros = static_cast<std::size_t>(std::ranges::count(weight, 0U));
+        auto key = std::tuple(~0U, t, i, j);
+        if (zeros == 2) {
+          key = {corner[static_cast<std::size_t>(std::ranges::max_element(weight) - weight.begin())], ~0U, 0, 0};
+        } else if (zeros == 1) {
+          const auto zero = static_cast<std::size_t>(std::ranges::find(weight, 0U) - weight.begin());
+          std::size_t a = (zero + 1) % 3, b = (zero + 2) % 3;
+          if (corner[b] < corner[a]) std::swap(a, b);
+          // The step as a fraction in lowest terms: the same point whatever the resolution.
+          const std::uint32_t common = std::gcd(weight[b], resolution);
+          key = {corner[a], corner[b], weight[b] / common, resolution / common};
+        }
+        const auto [found, is_new] = known.try_emplace(key, static_cast<std::uint32_t>(layout.elements.size()));
+        if (is_new) {
+          LocalElement element;
+          element.value = found->second;
+          for (std::size_t k = 0; k < 3; ++k) {
+            element.position += p[k] * (static_cast<double>(weight[k]) / resolution);
+            element.normal += normal_of(mesh.vertices[corner[k]]) * (static_cast<double>(weight[k]) / resolution);
+          }
+          layout.elements.push_back(element);
+        }
+        if (zeros > 0) {
+          LocalElement& element = layout.elements[found->second];
+          element.room = std::min(element.room, glm::distance(middle, element.position));
+          if (zeros == 2) {
+            const auto k = static_cast<std::size_t>(std::ranges::max_element(weight) - weight.begin());
+            const glm::dvec3 a = unit(p[(k + 1) % 3] - p[k]), b = unit(p[(k + 2) % 3] - p[k]);
+            // 2 sin(angle / 2) along the bisector.
+            element.inward += unit(a + b) * glm::length(a - b);
+          } else {
+            const auto zero = static_cast<std::size_t>(std::ranges::find(weight, 0U) - weight.begin());
+            const glm::dvec3 edge = unit(p[(zero + 2) % 3] - p[(zero + 1) % 3]), across = p[zero] - p[(zero + 1) % 3];
+            element.inward += 2.0 * unit(across - edge * glm::dot(across, edge));
+          }
+        }
+        layout.lattice.push_back(found->second);
+      }
+    }
+  }
+  layout.value_count = static_cast<std::uint32_t>(layout.elements.size());
+  return layout;
+}
+
+using Uv = std::array<double, 2>;
+inline double cross(const Uv& a, const Uv& b, const Uv& c) {
+  return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+}
+/// Barycentric coordinates of the point of a triangle that is nearest to `at`.
+inline std::array<double, 3> nearest_barycentric(const std::array<Uv, 3>& p, const Uv& at) {
+  const double area = cross(p[0], p[1], p[2]);
+  if (area != 0) {
+    const std::array<double, 3> b{cross(at, p[1], p[2]) / area, cross(p[0], at, p[2]) / area,
+                                  cross(p[0], p[1], at) / area};
+    if (b[0] >= 0 && b[1] >= 0 && b[2] >= 0) return b;
+  }
+  std::array<double, 3> best{1, 0, 0};
+  double least = HUGE_VAL;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Uv &a = p[k], &b = p[(k + 1) % 3];
+    const double dx = b[0] - a[0], dy = b[1] - a[1], length = dx * dx + dy * dy;
+    const double s = length > 0 ? std::clamp(((at[0] - a[0]) * dx + (at[1] - a[1]) * dy) / length, 0.0, 1.0) : 0.0;
+    const double x = a[0] + s * dx - at[0], y = a[1] + s * dy - at[1];
+    if (x * x + y * y >= least) continue;
+    least = x * x + y * y;
+    best = {};
+    best[k] = 1 - s;
+    best[(k + 1) % 3] = s;
+  }
+  return best;
+}
+inline bool touches_texel(const std::array<Uv, 3>& p, double x, double y) {
+  // Separating axes: the square's and the triangle's edges.
+  for (std::size_t axis = 0; axis < 2; ++axis) {
+    const double low = axis == 0 ? x : y;
+    if (std::max({p[0][axis], p[1][axis], p[2][axis]}) < low ||
+        std::min({p[0][axis], p[1][axis], p[2][axis]}) > low + 1)
+      return false;
+  }
+  const double sign = cross(p[0], p[1], p[2]) < 0 ? -1 : 1;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const Uv &a = p[k], &b = p[(k + 1) % 3];
+    double most = -HUGE_VAL;
+    for (const Uv& square : {Uv{x, y}, Uv{x + 1, y}, Uv{x, y + 1}, Uv{x + 1, y + 1}})
+      most = std::max(most, sign * cross(a, b, square));
+    if (most < 0) return false;
+  }
+  return true;
+}
+
+/// Texels of a mesh's own tile. Nothing where two triangles want the same texel centre, or coordinates leave [0, 1].
+inline std::optional<Layout> make_texels(const heddle_scene_mesh& mesh, double spacing) {
+  Layout layout;
+  layout.kind = kTexels;
+  const auto has_uv1 = [&] {
+    for (std::uint32_t v = 0; v < mesh.vertex_count; ++v)
+      if (mesh.vertices[v].u1 != mesh.vertices[0].u1 || mesh.vertices[v].v1 != mesh.vertices[0].v1) return true;
+    return false;
+  };
+  layout.uv_set = mesh.vertex_count > 0 && has_uv1() ? 1 : 0;
+  const auto uv_of = [&](std::uint32_t v) {
+    const HeddleVertex& vertex = mesh.vertices[v];
+    return layout.uv_set == 1 ? Uv{vertex.u1, vertex.v1} : Uv{vertex.u0, vertex.v0};
+  };
+  double area = 0, uv_area = 0;
+  for (std::uint32_t t = 0; t + 2 < mesh.index_count; t += 3) {
+    std::array<glm::dvec3, 3> p;
+    std::array<Uv, 3> uv;
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      p[k] = position_of(mesh.vertices[mesh.indices[t + k]]);
+      uv[k] = uv_of(mesh.indices[t + k]);
+      for (const double c : uv[k])
+        if (!(c >= -1e-6 && c <= 1 + 1e-6)) return {};
+    }
+    area += 0.5 * glm::length(glm::cross(p[1] - p[0], p[2] - p[0]));
+    uv_area += 0.5 * std::abs(cross(uv[0], uv[1], uv[2]));
+  }
+  if (!(uv_area > 0) || !(area > 0)) return {};
+  const double side = std::clamp(std::ceil(std::sqrt(area / uv_area) / spacing), 4.0, double{kMostTexels});
+  layout.width = layout.height = static_cast<std::uint32_t>(side);
+  layout.value_count = layout.width * layout.height;
+  constexpr std::uint32_t kFree = ~0U;
+  std::vector<std::uint32_t> owner(layout.value_count, kFree);
+  std::vector<std::uint8_t> is_inside(layout.value_count, 0);
+  for (std::uint32_t t = 0; t + 2 < mesh.index_count; t += 3) {
+    std::array<Uv, 3> uv;
+    for (std::uint32_t k = 0; k < 3; ++k) {
+      uv[k] = uv_of(mesh.indices[t + k]);
+      for (double& c : uv[k]) c *= side;
+    }
+    const auto range = [&](std::size_t axis) {
+      const auto [low, high] = std::minmax({uv[0][axis], uv[1][axis], uv[2][axis]});
+      return std::pair(static_cast<std::uint32_t>(std::clamp(std::floor(low), 0.0, side - 1)),
+                       static_cast<std::uint32_t>(std::clamp(std::floor(high), 0.0, side - 1)));
+    };
+    const auto [x0, x1] = range(0);
+    const auto [y0, y1] = range(1);
+    for (std::uint32_t y = y0; y <= y1; ++y) {
+      for (std::uint32_t x = x0; x <= x1; ++x) {
+        if (!touches_texel(uv, x, y)) continue;
+        const Uv centre{x + 0.5, y + 0.5};
+        const double doubled = cross(uv[0], uv[1], uv[2]);
+        bool is_in = doubled != 0;
+        for (std::size_t k = 0; k < 3; ++k)
+          is_in = is_in && cross(uv[k], uv[(k + 1) % 3], centre) * (doubled < 0 ? -1 : 1) > 1e-9 * side;
+        const std::uint32_t value = y * layout.width + x;
+        if (is_in && is_inside[value] != 0) return {};
+        if (owner[value] != kFree && !is_in) continue;
+        const std::array<double, 3> b = nearest_barycentric(uv, centre);
+        LocalElement element;
+        element.value = value;
+        for (std::uint32_t k = 0; k < 3; ++k) {
+          element.position += b[k] * position_of(mesh.vertices[mesh.indices[t + k]]);
+          element.normal += b[k] * normal_of(mesh.vertices[mesh.indices[t + k]]);
+        }
+        if (owner[value] == kFree) {
+          owner[value] = static_cast<std::uint32_t>(layout.elements.size());
+          layout.elements.push_back(element);
+        } else {
+          layout.elements[owner[value]] = element;
+        }
+        is_inside[value] = is_inside[value] != 0 || is_in ? 1 : 0;
+      }
+    }
+  }
+  return layout;
+}
+
+inline double largest_scale(const glm::dmat4& m) {
+  return std::max({glm::length(glm::dvec3(m[0])), glm::length(glm::dvec3(m[1])), glm::length(glm::dvec3(m[2]))});
+}
+
+}  // namespace detail
+
+/// The sphere around all instances' boxes.
+inline std::pair<glm::dvec3, double> bounding_sphere(const heddle::pass::Meshes& meshes) {
+  glm::dvec3 low(HUGE_VAL), high(-HUGE_VAL);
+  std::map<std::uint32_t, std::pair<glm::dvec3, glm::dvec3>> boxes;
+  for (std::uint32_t i = 0; i < meshes.content().instance_count; ++i) {
+    const heddle_scene_instance instance = meshes.instance(i);
+    auto [box, is_new] = boxes.try_emplace(instance.mesh, glm::dvec3(HUGE_VAL), glm::dvec3(-HUGE_VAL));
+    if (is_new) {
+      const heddle_scene_mesh mesh = meshes.mesh(instance.mesh);
+      for (std::uint32_t v = 0; v < mesh.vertex_count; ++v) {
+        box->second.first = glm::min(box->second.first, detail::position_of(mesh.vertices[v]));
+        box->second.second = glm::max(box->second.second, detail::position_of(mesh.vertices[v]));
+      }
+    }
+    const glm::dmat4 place = glm::make_mat4(instance.scene_from_object);
+    for (int c = 0; c < 8; ++c) {
+      const auto& [a, b] = box->second;
+      const glm::dvec3 corner((c & 1) != 0 ? b.x : a.x, (c & 2) != 0 ? b.y : a.y, (c & 4) != 0 ? b.z : a.z);
+      if (!std::isfinite(corner.x + corner.y + corner.z)) continue;
+      const glm::dvec3 at(place * glm::dvec4(corner, 1.0));
+      low = glm::min(low, at);
+      high = glm::max(high, at);
+    }
+  }
+  if (!(low.x <= high.x)) return {glm::dvec3(0.0), 1.0};
+  return {0.5 * (low + high), std::max(0.5 * glm::distance(low, high), 1e-6)};
+}
+
+inline ElementSet make_elements(const heddle::pass::Meshes& meshes, const ElementSettings& settings) {
+  ElementSet set;
+  std::tie(set.origin, set.radius) = bounding_sphere(meshes);
+  const std::uint32_t instance_count = meshes.content().instance_count;
+  std::vector<double> scales(meshes.content().mesh_count, 0.0);
+  for (std::uint32_t i = 0; i < instance_count; ++i) {
+    const heddle_scene_instance instance = meshes.instance(i);
+    scales[instance.mesh] =
+        std::max(scales[instance.mesh], detail::largest_scale(glm::make_mat4(instance.scene_from_object)));
+  }
+  set.spacing = settings.kind == ElementKind::kOnVertices ? 0.0 : settings.spacing;
+  std::vector<detail::Layout> layouts;
+  std::uint32_t without_uvs = 0;
+  for (;;) {
+    layouts.assign(scales.size(), {});
+    without_uvs = 0;
+    for (std::uint32_t m = 0; m < scales.size(); ++m) {
+      const heddle_scene_mesh mesh = meshes.mesh(m);
+      if (!(scales[m] > 0) || mesh.shape != 0) continue;  // a mesh that bends is none to bake
+      const double spacing = set.spacing / scales[m];
+      std::optional<detail::Layout> texels;
+      if (settings.kind == ElementKind::kInTexels) {
+        texels = detail::make_texels(mesh, spacing);
+        without_uvs += texels ? 0 : 1;
+      }
+      layouts[m] = texels ? *std::move(texels) : detail::make_lattice(mesh, spacing);
+    }
+    std::uint64_t total = 0;
+    for (std::uint32_t i = 0; i < instance_count; ++i) total += layouts[meshes.instance(i).mesh].elements.size();
+    if (total <= kMostElements || set.spacing == 0) break;
+    set.spacing *= 2;
+    set.remarks.push_back(std::to_string(total) + " elements are too many; they are " + std::to_string(set.spacing) +
+                          " m apart instead");
+  }
+  if (without_uvs > 0)
+    set.remarks.push_back(std::to_string(without_uvs) +
+                          " meshes have no texture coordinates of their own for every point: they get lattices");
+
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> first;  // triangle, lattice
+  for (const detail::Layout& layout : layouts) {
+    const auto lattice = static_cast<std::uint32_t>(set.baked.lattice.size());
+    first.emplace_back(static_cast<std::uint32_t>(set.baked.triangles.size()), lattice);
+    for (BakedTriangle triangle : layout.triangles) {
+      triangle.first_lattice += lattice;
+      set.baked.triangles.push_back(triangle);
+    }
+    set.baked.lattice.insert(set.baked.lattice.end(), layout.lattice.begin(), layout.lattice.end());
+  }
+  std::uint32_t value_count = 0;
+  const double inset = settings.inset * (set.spacing > 0 ? set.spacing : settings.spacing);
+  for (std::uint32_t i = 0; i < instance_count; ++i) {
+    const heddle_scene_instance instance = meshes.instance(i);
+    const detail::Layout& layout = layouts[instance.mesh];
+    BakedInstance record;
+    record.kind = layout.kind;
+    record.first_value = value_count;
+    record.first_triangle = first[instance.mesh].first;
+    record.triangle_count = static_cast<std::uint32_t>(layout.triangles.size());
+    record.width = layout.width;
+    record.height = layout.height;
+    record.uv_set = layout.uv_set;
+    set.baked.instances.push_back(record);
+    const glm::dmat4 place = glm::make_mat4(instance.scene_from_object);
+    // By the inverse transpose up to a positive factor: mirrored instances keep their outward normals.
+    const glm::dmat3 m(place);
+    const glm::dmat3 normals = glm::dmat3(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1])) *
+                               (glm::determinant(m) < 0 ? -1.0 : 1.0);
+    for (const detail::LocalElement& local : layout.elements) {
+      glm::dvec3 at(place * glm::dvec4(local.position, 1.0));
+      if (glm::length(local.inward) > 0.5) {  // a rim
+        const glm::dvec3 step = m * detail::unit(local.inward);
+        const double length = glm::length(step);
+        if (length > 0) at += step * std::min(inset / length, 0.5 * local.room);
+      }
+      Element element;
+      element.position = glm::vec3(at - set.origin);
+      element.normal = glm::vec3(detail::unit(normals * local.normal));
+      element.value = value_count + local.value;
+      set.elements.push_back(element);
+    }
+    value_count += layout.value_count;
+  }
+  set.baked.values.resize(value_count);
+  set.is_answered.assign(value_count, 0);
+  for (const Element& element : set.elements) set.is_answered[element.value] = 1;
+  return set;
+}
+
+/// What directions said of an element: sums over those in front of it.
+struct Sums {
+  double weight = 0, open = 0;  // of N.s; of N.s where nothing is in the way
+  std::array<double, 3> bent{};
+};
+
+/// Into the artifact; nothing in front of an element is an open one.
+inline void set_value(Baked& baked, const Element& element, const Sums& sums) {
+  BakedValue value;
+  if (sums.weight > 0) value.visibility = static_cast<float>(std::clamp(sums.open / sums.weight, 0.0, 1.0));
+  const std::array<double, 3> normal{element.normal.x, element.normal.y, element.normal.z};
+  const bool has_bent = sums.bent[0] != 0 || sums.bent[1] != 0 || sums.bent[2] != 0;
+  const auto packed = pack_direction(has_bent ? sums.bent : normal);
+  value.bent[0] = packed[0];
+  value.bent[1] = packed[1];
+  baked.values[element.value] = value;
+}
+
+/// Values that nobody has asked for, and, if `is_filling`, those of elements that see nothing at all because they lie
+/// in or under something: the mean of their neighbours that are neither, as far as `steps` elements away.
+inline void fill_gaps(ElementSet& set, bool is_filling, std::uint32_t steps) {
+  Baked& baked = set.baked;
+  std::vector<std::uint8_t> is_gap(baked.values.size(), 0);
+  for (std::size_t v = 0; v < is_gap.size(); ++v)
+    is_gap[v] = set.is_answered[v] == 0 || (is_filling && baked.values[v].visibility == 0) ? 1 : 0;
+  struct Mean {
+    double visibility = 0;
+    glm::dvec3 bent{0.0};
+    std::uint32_t count = 0;
+  };
+  for (std::uint32_t step = 0; step < steps; ++step) {
+    std::map<std::uint32_t, Mean> means;
+    const auto meet = [&](std::uint32_t a, std::uint32_t b) {
+      if (is_gap[a] == is_gap[b]) return;
+      if (is_gap[b] != 0) std::swap(a, b);
+      Mean& mean = means[a];
+      mean.visibility += static_cast<double>(baked.values[b].visibility);
+      const std::array<double, 3> bent = unpack_direction(baked.values[b].bent);
+      mean.bent += glm::dvec3(bent[0], bent[1], bent[2]);
+      ++mean.count;
+    };
+    for (const BakedInstance& instance : baked.instances) {
+      if (instance.kind == kTexels) {
+        for (std::uint32_t y = 0; y < instance.height; ++y)
+          for (std::uint32_t x = 0; x < instance.width; ++x) {
+            const std::uint32_t at = instance.first_value + y * instance.width + x;
+            const bool has_right = x + 1 < instance.width, has_below = y + 1 < instance.height;
+            if (has_right) meet(at, at + 1);
+            if (has_below) meet(at, at + instance.width);
+            if (has_right && has_below) {
+              meet(at, at + instance.width + 1);
+              meet(at + 1, at + instance.width);
+            }
+          }
+        continue;
+      }
+      for (std::uint32_t t = 0; instance.kind == kLattice && t < instance.triangle_count; ++t) {
+        const BakedTriangle& triangle = baked.triangles[instance.first_triangle + t];
+        const auto value = [&](std::uint32_t i, std::uint32_t j) {
+          return instance.first_value + baked.lattice[triangle.first_lattice + lattice_row(triangle.resolution, j) + i];
+        };
+        for (std::uint32_t j = 0; j < triangle.resolution; ++j)
+          for (std::uint32_t i = 0; i + j < triangle.resolution; ++i) {
+            meet(value(i, j), value(i + 1, j));
+            meet(value(i, j), value(i, j + 1));
+            meet(value(i + 1, j), value(i, j + 1));
+          }
+      }
+    }
+    if (means.empty()) return;
+    for (const auto& [v, mean] : means) {
+      is_gap[v] = 0;
+      baked.values[v].visibility = static_cast<float>(mean.visibility / mean.count);
+      const auto packed = pack_direction({mean.bent.x, mean.bent.y, mean.bent.z});
+      baked.values[v].bent[0] = packed[0];
+      baked.values[v].bent[1] = packed[1];
+    }
+  }
+}
+
+inline constexpr std::uint32_t kFillSteps = 8;  // elements that `fill` reaches; as many texels a gutter is wide
+
+/// Elements that see nothing, and those that have no side to see from.
+struct Blind {
+  std::uint64_t closed = 0, without_side = 0;
+};
+/// All answers into the artifact. sums: parallel to the elements.
+inline Blind set_values(ElementSet& set, std::span<const Sums> sums, bool is_filling, std::size_t directions) {
+  Blind blind;
+  for (std::size_t e = 0; e < sums.size(); ++e) {
+    set_value(set.baked, set.elements[e], sums[e]);
+    blind.without_side += sums[e].weight > 0 ? 0 : 1;
+    blind.closed += sums[e].weight > 0 && sums[e].open == 0 ? 1 : 0;
+  }
+  fill_gaps(set, is_filling, kFillSteps);
+  set.baked.direction_count = static_cast<std::uint32_t>(directions);
+  return blind;
+}
+
+}  // namespace baked_visibility
