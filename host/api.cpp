@@ -431,13 +431,15 @@ heddle_status heddle_graph_set(heddle_graph* graph, const char* setting) {
     heddle::graph::apply_setting(written, setting);
     heddle::graph::read_jobs(written, own_folder() / "graphs");
     const heddle::graph::ResolvedGraph resolved = heddle::graph::resolve(written, *graph->host->registry);
-    if (set_parameters_in_place(*graph, resolved)) {
+    const std::string_view key = std::string_view(setting).substr(0, std::string_view(setting).find('=') + 1);
+    // What a job makes by its settings is for the executor to find out.
+    const bool is_of_job = key.find('#') != std::string_view::npos;
+    if (!is_of_job && set_parameters_in_place(*graph, resolved)) {
       graph->written = std::move(written);
     } else {
       resolve_into(*graph, std::move(written));
     }
     // The last word on a key counts; frames that set one again and again add nothing.
-    const std::string_view key = std::string_view(setting).substr(0, std::string_view(setting).find('=') + 1);
     std::erase_if(graph->settings, [&](const std::string& said) { return said.starts_with(key); });
     graph->settings.emplace_back(setting);
   });
@@ -526,6 +528,7 @@ heddle::graph::FrameOptions prepare_frame(heddle_graph& graph, heddle_scene& sce
                                           const heddle_render_options* options) {
   const heddle::graph::FrameOptions frame = frame_options(options);
   if (options != nullptr) scene.scene.set_time(frame.time);
+  scene.scene.begin_frame(&graph);
   // A graph's first frame has no past either.
   if (frame.cut || graph.executor->stats().frame == 0) scene.scene.settle();
   return frame;
@@ -538,7 +541,7 @@ heddle_status heddle_render(heddle_graph* graph, heddle_scene* scene, const hedd
     must_be(*graph, false);
     const heddle::graph::FrameOptions frame = prepare_frame(*graph, *scene, options);
     graph->executor->render(scene->scene, frame);
-    scene->scene.settle();
+    scene->scene.end_frame(graph);
   });
 }
 
@@ -549,6 +552,7 @@ heddle_status heddle_graph_check(heddle_graph* graph, heddle_scene* scene, const
     if (!graph->host->check)
       throw Error(HEDDLE_BAD_INPUT, "a graph is checked on a host that was made without HEDDLE_HOST_CHECK");
     const heddle::graph::FrameOptions frame = frame_options(options);
+    scene->scene.begin_move();
     if (options != nullptr) scene->scene.set_time(frame.time);
     const heddle::graph::CheckReport report = graph->executor->check(scene->scene, frame, frames);
     Json json{{"frames", report.frames},
@@ -579,7 +583,7 @@ heddle_status heddle_inspect(heddle_graph* graph, heddle_scene* scene, const hed
     for (uint32_t i = 0; i < pixel_count; ++i) wanted.push_back({pixels[2 * i], pixels[2 * i + 1]});
     const heddle::graph::FrameOptions frame = prepare_frame(*graph, *scene, options);
     const Json seen = graph->executor->inspect(scene->scene, frame, std::move(wanted));
-    scene->scene.settle();
+    scene->scene.end_frame(graph);
     graph->inspection = kind == "json" ? write_json(seen, 2) : heddle::graph::inspection_text(seen);
     *out = graph->inspection.c_str();
   });

@@ -327,7 +327,9 @@ heddle_status heddle_scene_set_instance(heddle_scene* scene, uint32_t id, const 
   return guarded(scene->host->error, [&] {
     check_id(id, scene->scene.instances, "instance");
     heddle::scene::Instance& instance = scene->scene.instances[id];
-    instance.scene_from_object = matrix_from(scene_from_object, "scene_from_object");
+    const glm::dmat4 place = matrix_from(scene_from_object, "scene_from_object");
+    scene->scene.begin_move();
+    instance.scene_from_object = place;
     ++scene->scene.motion_revision;
   });
 }

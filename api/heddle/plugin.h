@@ -80,7 +80,7 @@ typedef struct heddle_port {
   uint32_t capacity, element_bytes;
   /* surfaces, out or inout: the technique's own out buffers that its batches lie in (heddle_batch). HeddleVertex[]; uint[];
      where it places its batches itself also HeddleInstance[] and, as an array or a list, VkDrawIndexedIndirectCommand[].
-     NULL: it has none */
+     NULL: it has none; vertices NULL: they are what its function of role surface_program answers */
   const char* vertices;
   const char* indices;
   const char* instances;
@@ -386,8 +386,9 @@ typedef struct heddle_draw {
 } heddle_draw;
 
 /* Triangles of one material in the buffers of a surfaces port that a technique makes: `vertices` holds HeddleVertex,
- * `indices` numbers of vertices, three a triangle, counter-clockwise from the front. They are drawn as the scene's are,
- * by all that draw, and are in snapshots. Which of the port's stages writes what of the buffers is the graph's business:
+ * `indices` numbers of vertices, three a triangle, counter-clockwise from the front. A port without `vertices` has a
+ * surface program: the technique's function of role surface_program, which vertex stages ask for each vertex by its
+ * number. They are drawn as the scene's are, by all that draw, and are in snapshots. Which of the port's stages writes what of the buffers is the graph's business:
  * whoever draws waits for all of them.
  *
  * Either the scene places the batch: it is drawn where `placed` of its instances are, in the place of their own meshes,
@@ -408,6 +409,9 @@ typedef struct heddle_batch {
   uint32_t is_flipped;      /* placed by the technique: front faces are clockwise */
   const uint32_t* instances; /* `placed` ids, as HeddleInstance::object; each in one batch of the port at most */
   uint32_t first_command, command_count;
+  uint32_t vertex_count; /* surface programs: no vertex beyond vertex_offset + vertex_count - 1 is drawn; snapshots ask for
+                            all of them */
+  uint32_t reserved;
 } heddle_batch;
 
 /* What record and execute are given beside the frame. Functions of one table; fields are appended only. */

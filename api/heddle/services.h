@@ -36,6 +36,15 @@ typedef struct heddle_surface_material_service {
    * [any-thread] */
   void (*albedo)(const heddle_surface_point* point, double n_dot_v, uint32_t lobe, uint32_t multiple_scattering,
                  double out_rgb[3]);
+  /* evaluate of lobe 1, of lobe 2, and pdf, for what one of them costs; where struct_size says that it is there.
+   * [any-thread] */
+  void (*evaluate_parts)(const heddle_surface_point* point, const double view[3], const double light[3],
+                         uint32_t multiple_scattering, double out_diffuse[3], double out_specular[3], double* out_pdf);
+  /* sample, with evaluate_parts of the direction that it draws; where struct_size says that it is there. Of no sample all
+   * is 0. [any-thread] */
+  void (*sample_parts)(const heddle_surface_point* point, const double view[3], const double u[2], double u_lobe,
+                       uint32_t multiple_scattering, double out_light[3], double out_diffuse[3], double out_specular[3],
+                       double* out_pdf);
 } heddle_surface_material_service;
 
 HEDDLE_END_C

@@ -113,11 +113,18 @@ class Completer {
 
   void positional(const CLI::App& command) {
     const std::string& name = command.get_name();
-    if (name == "run" || name == "check" || name == "explain" || name == "inspect" || name == "compare") {
+    if (name == "run" || name == "view" || name == "check" || name == "explain" || name == "inspect" ||
+        name == "compare" || name == "tune") {
       for (const std::string& graph : shipped_graphs()) add(graph, "graph");
       files_ = true;
     } else if (name == "list" || (name == "new-technique" && positionals_.empty())) {
       add_roles("");
+    } else if (name == "study") {
+      files_ = true;
+    } else if (name == "baseline") {
+      for (const char* word : {"record", "check"})
+        if (positionals_.empty()) add(word);
+      if (!positionals_.empty()) add_roles("");
     } else if (name == "completion" || name == "schema") {
       for (const char* word : {"bash", "zsh", "fish"})
         if (name == "completion") add(word);
@@ -127,9 +134,11 @@ class Completer {
   }
 
   void value_of(const std::string& option) {
-    if (option == "set") {
+    if (option == "set" || option == "set-b" || option == "reference-set") {
       setting();
-    } else if (option == "why") {
+    } else if (option == "climb") {
+      for (const char* word : {"together", "each"}) add(word);
+    } else if (option == "why" || option == "pass") {
       for (const Json& pass : graph()["passes"]) add(pass["name"].get<std::string>(), pass_help(pass));
     } else if (option == "port") {
       add_ports("image");
@@ -140,6 +149,9 @@ class Completer {
           if (is_output(port)) add_start(port["name"].get<std::string>() + "=", "write this port");
     } else if (option == "swap") {
       swap();
+    } else if (option == "b") {
+      for (const std::string& graph : shipped_graphs()) add(graph, "graph");
+      files_ = true;
     } else if (option == "format") {
       for (const char* word : {"text", "json", "dot"}) add(word);
     } else if (option == "language") {
@@ -148,7 +160,7 @@ class Completer {
       for (const char* word : {"rmse=", "mse=", "relmse=", "psnr=", "mean_difference=", "maximum=", "percentile_99="})
         add_start(word);
     } else if (option == "scene" || option == "overlay" || option == "stats" || option == "difference" ||
-               option == "folder" || option == "plugins") {
+               option == "folder" || option == "plugins" || option == "script") {
       files_ = true;
     }
   }

@@ -29,13 +29,15 @@ int main(int argc, char** argv) {
     // A scene in Python is known by its name alone: before anything else is opened.
     for (int i = 1; i < argc; ++i) {
       const std::string_view word = argv[i];
-      constexpr std::array<std::string_view, 5> kRenders{"run", "compare", "check", "explain", "inspect"};
+      constexpr std::array<std::string_view, 6> kRenders{"run", "view", "compare", "check", "explain", "inspect"};
       if (i > 1 && word.ends_with(".py") && std::ranges::find(kRenders, argv[1]) != kRenders.end()) {
         heddle::cli::run_in_python(argc, argv);
       }
     }
-    if (argc > 1 && std::string_view(argv[1]) == "study") heddle::cli::run_in_python(argc, argv);
+    constexpr std::array<std::string_view, 4> kMeasures{"study", "tune", "baseline", "reproduce"};
+    if (argc > 1 && std::ranges::find(kMeasures, argv[1]) != kMeasures.end()) heddle::cli::run_in_python(argc, argv);
     heddle::cli::add_run(app, &status);
+    heddle::cli::add_view(app, &status);
     heddle::cli::add_compare(app, &status);
     heddle::cli::add_check(app, &status);
     heddle::cli::add_explain(app, &status);
@@ -44,6 +46,9 @@ int main(int argc, char** argv) {
     heddle::cli::add_doctor(app, &status);
     heddle::cli::add_new_technique(app);
     heddle::cli::add_study(app);
+    heddle::cli::add_tune(app);
+    heddle::cli::add_baseline(app);
+    heddle::cli::add_reproduce(app);
     heddle::cli::add_bench(app);
     heddle::cli::add_schema(app, &status);
     heddle::cli::add_completion(app, &status);

@@ -153,6 +153,8 @@ std::string ArtifactCache::write(const std::string& key, const ArtifactViews& pa
       return fmt::format("the artifact cache {} cannot be written", folder_.string());
     }
   }
+  // A folder in an artifact's place holds nothing of ours, and no file can take its place.
+  if (fs::is_directory(fs::symlink_status(file(key), error))) fs::remove_all(file(key), error);
   fs::rename(temporary, file(key), error);
   if (error) {
     const std::string why = error.message();
@@ -165,7 +167,7 @@ std::string ArtifactCache::write(const std::string& key, const ArtifactViews& pa
 
 void ArtifactCache::remove(const std::string& key) const {
   std::error_code ignored;
-  if (!folder_.empty()) fs::remove(file(key), ignored);
+  if (!folder_.empty()) fs::remove_all(file(key), ignored);
 }
 
 void ArtifactCache::make_room(const fs::path& keep) const {

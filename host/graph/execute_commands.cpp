@@ -713,21 +713,28 @@ vulkan::Buffer Executor::State::switch_table(const Pass& caller, const std::stri
 
 VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderState& shader, std::uint32_t set) {
   const VkDescriptorSet allocated = allocate_set(shader.pipeline.set_layout(set));
-  const std::size_t count = shader.compiled.bindings.size();
+  fill_set(allocated, pass_of(state), shader.compiled.bindings, shader.owners, set);
+  return allocated;
+}
+
+/// What `bindings` have in one set. `caller`: whose tables of providers are meant.
+void Executor::State::fill_set(VkDescriptorSet target, const Pass& caller, std::span<const vulkan::Binding> bindings,
+                               std::span<const PassIndex> owners, std::uint32_t set) {
+  const std::size_t count = bindings.size();
   std::vector<VkWriteDescriptorSet> writes;
   std::vector<VkDescriptorImageInfo> images(count);
   std::vector<VkDescriptorBufferInfo> buffers(count);
   for (std::size_t i = 0; i < count; ++i) {
-    const vulkan::Binding& binding = shader.compiled.bindings[i];
+    const vulkan::Binding& binding = bindings[i];
     if (binding.set != set) continue;
     VkWriteDescriptorSet write{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
-    write.dstSet = allocated;
+    write.dstSet = target;
     write.dstBinding = binding.binding;
     write.descriptorCount = 1;
     write.descriptorType = vulkan::descriptor_type(binding);
     write.pImageInfo = &images[i];
     write.pBufferInfo = &buffers[i];
-    const Pass& owner = graph.passes[shader.owners[i]];
+    const Pass& owner = graph.passes[owners[i]];
     const auto resource_of = [&]() -> ResourceIndex { return owner.ports.at(binding.port); };
     // What an absent optional value or buffer reads as: zeros, and no element of a list (16 bytes are the list's
     // header).
@@ -780,10 +787,10 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
         break;
       }
       case vulkan::Binding::Kind::kParameters:
-        buffers[i] = {passes[shader.owners[i]]->parameters.handle(), 0, VK_WHOLE_SIZE};
+        buffers[i] = {passes[owners[i]]->parameters.handle(), 0, VK_WHOLE_SIZE};
         break;
       case vulkan::Binding::Kind::kSwitchTable:
-        frame_buffers.push_back(switch_table(pass_of(state), binding.role));
+        frame_buffers.push_back(switch_table(caller, binding.role));
         buffers[i] = {frame_buffers.back().handle(), 0, VK_WHOLE_SIZE};
         break;
     }
@@ -791,28 +798,26 @@ VkDescriptorSet Executor::State::port_set(const PassState& state, const ShaderSt
   }
   device->table().UpdateDescriptorSets(device->table().device, static_cast<std::uint32_t>(writes.size()), writes.data(),
                                        0, nullptr);
-  return allocated;
 }
 
 void Executor::State::bind(const PassState& state, const ShaderState& shader, const vulkan::Pipeline& pipeline,
                            const void* push, std::uint32_t push_bytes) {
   const heddle_vulkan& vk = device->table();
   vk.CmdBindPipeline(commands, pipeline.bind_point(), pipeline.handle());
-  if (&pipeline == &shader.pipeline) {
-    for (std::uint32_t set = 0; set < 2; ++set) {
-      const bool is_used = std::any_of(shader.compiled.bindings.begin(), shader.compiled.bindings.end(),
-                                       [&](const vulkan::Binding& binding) { return binding.set == set; });
-      if (!is_used) continue;
-      const VkDescriptorSet made = port_set(state, shader, set);
-      vk.CmdBindDescriptorSets(commands, pipeline.bind_point(), pipeline.layout(), set, 1, &made, 0, nullptr);
-    }
-    const std::uint32_t size = std::min(shader.compiled.push_bytes, push_bytes);
-    if (size > 0 && push != nullptr) {
-      vk.CmdPushConstants(commands, pipeline.layout(),
-                          pipeline.bind_point() == VK_PIPELINE_BIND_POINT_COMPUTE ? VK_SHADER_STAGE_COMPUTE_BIT
-                                                                                  : VK_SHADER_STAGE_FRAGMENT_BIT,
-                          0, size, push);
-    }
+  // Sets of a shader suit every pipeline that it is in.
+  for (std::uint32_t set = 0; set < 2; ++set) {
+    const bool is_used = std::any_of(shader.compiled.bindings.begin(), shader.compiled.bindings.end(),
+                                     [&](const vulkan::Binding& binding) { return binding.set == set; });
+    if (!is_used) continue;
+    const VkDescriptorSet made = port_set(state, shader, set);
+    vk.CmdBindDescriptorSets(commands, pipeline.bind_point(), pipeline.layout(), set, 1, &made, 0, nullptr);
+  }
+  const std::uint32_t size = std::min(shader.compiled.push_bytes, push_bytes);
+  if (size > 0 && push != nullptr) {
+    vk.CmdPushConstants(commands, pipeline.layout(),
+                        pipeline.bind_point() == VK_PIPELINE_BIND_POINT_COMPUTE ? VK_SHADER_STAGE_COMPUTE_BIT
+                                                                                : VK_SHADER_STAGE_FRAGMENT_BIT,
+                        0, size, push);
   }
 }
 

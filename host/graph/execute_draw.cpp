@@ -21,6 +21,7 @@ struct Source {
   VkBuffer commands = VK_NULL_HANDLE;     // of the list, on the device
   ResourceIndex own_commands = kNoIndex;  // the technique's: it places
   std::uint64_t revision = 0;             // of what a technique made
+  const ProgramState* program = nullptr;  // that says where vertices are; nullptr: they are in `vertices`
 };
 
 /// Binds what draws of a group need; what is bound already stays.
@@ -37,8 +38,8 @@ class GroupBinder {
     VkCommandBuffer commands = executor_.commands;
     const bool is_depth_only = shader_.shader->file.empty();
     const bool is_masked = (group.flags & HEDDLE_SURFACE_MASKED) != 0;
-    const vulkan::Pipeline& pipeline = is_depth_only && is_masked ? shader_.masked : shader_.pipeline;
-    const VkDescriptorSet program_set = executor_.make_program_set(source.vertices, source.instances);
+    const vulkan::Pipeline& pipeline = pipeline_for(source, is_depth_only && is_masked);
+    const VkDescriptorSet program_set = executor_.make_program_set(source.program, source.vertices, source.instances);
     if (pipeline_ != &pipeline) executor_.bind(pass_, shader_, pipeline, wanted_.push, wanted_.push_bytes);
     if (pipeline_ != &pipeline || program_set_ != program_set) {
       vk.CmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_GRAPHICS, pipeline.layout(), 3, 1, &program_set, 1,
@@ -63,6 +64,12 @@ class GroupBinder {
   }
 
  private:
+  [[nodiscard]] const vulkan::Pipeline& pipeline_for(const Source& source, bool is_masked) const {
+    if (source.program == nullptr) return is_masked ? shader_.masked : shader_.pipeline;
+    const ShaderState::Behind& behind = shader_.behind.at(executor_.graph.passes[source.program->pass].name);
+    return is_masked ? behind.masked : behind.pipeline;
+  }
+
   Executor::State& executor_;
   const PassState& pass_;
   const ShaderState& shader_;
@@ -96,6 +103,7 @@ std::vector<Source> find_sources(Executor::State& executor, ResourceIndex surfac
     const scene::PlacedBatches& placed = executor.place(made);
     const BatchBuffers buffers = batch_buffers_of(executor.graph, version);
     Source source;
+    source.program = executor.program_behind(version);
     source.vertices = executor.buffer_of(buffers.vertices);
     source.indices = executor.buffer_of(buffers.indices);
     source.revision = made.surfaces.revision;

@@ -312,26 +312,29 @@ std::uint32_t Executor::State::add_view(const HeddleView& view) {
   return offset;
 }
 
-/// Set 3 of a drawing from these buffers; made once for a submission's views.
-VkDescriptorSet Executor::State::make_program_set(VkBuffer vertices, VkBuffer instances) {
-  VkDescriptorSet& set = program_sets[{vertices, instances}];
+/// Set 3 of a drawing from these buffers; made once for a submission's views. `own`: the technique's program, which has
+/// no vertices; nullptr: that of meshes.
+VkDescriptorSet Executor::State::make_program_set(const ProgramState* own, VkBuffer vertices, VkBuffer instances) {
+  VkDescriptorSet& set = program_sets[{own, vertices, instances}];
   if (set != VK_NULL_HANDLE) return set;
   const heddle_vulkan& vk = device->table();
-  set = allocate_set(program_layout);
+  set = allocate_set(own == nullptr ? program_layout : own->layout);
   const std::array<VkDescriptorBufferInfo, 4> buffers{{{vertices, 0, VK_WHOLE_SIZE},
                                                        {instances, 0, VK_WHOLE_SIZE},
                                                        {scene_buffers->materials().handle(), 0, VK_WHOLE_SIZE},
                                                        {views.handle(), 0, sizeof(HeddleView)}}};
-  std::array<VkWriteDescriptorSet, 4> writes{};
-  for (std::uint32_t i = 0; i < writes.size(); ++i) {
-    writes[i] = {VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
-    writes[i].dstSet = set;
-    writes[i].dstBinding = i;
-    writes[i].descriptorCount = 1;
-    writes[i].descriptorType = i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
-    writes[i].pBufferInfo = &buffers[i];
+  std::vector<VkWriteDescriptorSet> writes;
+  for (std::uint32_t i = own == nullptr ? 0 : 1; i < buffers.size(); ++i) {
+    VkWriteDescriptorSet write{VK_STRUCTURE_TYPE_WRITE_DESCRIPTOR_SET};
+    write.dstSet = set;
+    write.dstBinding = i;
+    write.descriptorCount = 1;
+    write.descriptorType = i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER;
+    write.pBufferInfo = &buffers[i];
+    writes.push_back(write);
   }
-  vk.UpdateDescriptorSets(vk.device, writes.size(), writes.data(), 0, nullptr);
+  vk.UpdateDescriptorSets(vk.device, static_cast<std::uint32_t>(writes.size()), writes.data(), 0, nullptr);
+  if (own != nullptr) fill_set(set, graph.passes[own->pass], own->compiled.bindings, own->owners, vulkan::kProgramSet);
   return set;
 }
 

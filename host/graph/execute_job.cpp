@@ -257,8 +257,11 @@ void Executor::State::run_job(const scene::Scene& rendered, const FrameOptions& 
   pass_keys = artifact_keys(original, context);
   looked_up.clear();
   if (services.remakes_artifacts || !keeps_artifacts())
+    // Those of other jobs stay; what another graph left under a name that this one lacks goes with the rest.
     std::erase_if(lasting, [&](const auto& one) {
-      return original.resources[find_resource(original, one.first)].job == kNoIndex;
+      return std::ranges::none_of(original.resources, [&](const Resource& resource) {
+        return resource.name == one.first && resource.job != kNoIndex;
+      });
     });
 
   const std::vector<std::string> asked = names.empty() ? job_wants() : names;

@@ -503,6 +503,16 @@ vulkan::BoundPort Executor::State::bound_port(const Pass& pass, const Access& ac
   return bound;
 }
 
+vulkan::ProviderRequest Executor::State::provider_request(const Pass& provider, const Function& function) const {
+  vulkan::ProviderRequest request;
+  request.pass = provider.name;
+  request.technique = provider.entry.technique;
+  request.folder = provider.entry.manifest->folder;
+  request.texts = passes[static_cast<std::size_t>(&provider - graph.passes.data())]->texts;
+  for (const Access& access : function.accesses) request.ports.push_back(bound_port(provider, access));
+  return request;
+}
+
 void Executor::State::add_role(const Pass& caller, const std::string& role,
                                std::vector<vulkan::RoleRequest>& roles) const {
   for (const vulkan::RoleRequest& present : roles) {
@@ -522,12 +532,7 @@ void Executor::State::add_role(const Pass& caller, const std::string& role,
       const Pass& provider = graph.passes[index];
       if (provider.is_pruned) continue;
       const Function* function = provider.entry.technique->find_function(role);
-      vulkan::ProviderRequest provided;
-      provided.pass = provider.name;
-      provided.technique = provider.entry.technique;
-      provided.folder = provider.entry.manifest->folder;
-      provided.texts = passes[index]->texts;
-      for (const Access& access : function->accesses) provided.ports.push_back(bound_port(provider, access));
+      vulkan::ProviderRequest provided = provider_request(provider, *function);
       // Callees come first in the joined text.
       for (const std::string& callee : function->calls) add_role(provider, callee, roles);
       request.providers.push_back(std::move(provided));
@@ -644,6 +649,16 @@ void Executor::State::make_pipelines(ShaderState& shader) {
   }
 }
 
+std::vector<PassIndex> Executor::State::owners_of(const vulkan::CompiledShader& shader) const {
+  std::vector<PassIndex> owners;
+  for (const vulkan::Binding& binding : shader.bindings) {
+    const auto owner = std::find_if(graph.passes.begin(), graph.passes.end(),
+                                    [&](const Pass& candidate) { return candidate.name == binding.pass; });
+    owners.push_back(static_cast<PassIndex>(owner - graph.passes.begin()));
+  }
+  return owners;
+}
+
 /// One shader as this plan joins it. `is_restoring`: as the object has it; no file is read.
 ShaderState Executor::State::compile_shader(const PassState& state, const Shader& shader, bool is_restoring) {
   const Technique& technique = technique_of(state);
@@ -662,11 +677,7 @@ ShaderState Executor::State::compile_shader(const PassState& state, const Shader
     made.compiled = vulkan::compile(shader_request(state, shader), services.cache_folder);
     for (const std::string& warning : made.compiled.warnings) services.log(Severity::kWarning, warning);
   }
-  for (const vulkan::Binding& binding : made.compiled.bindings) {
-    const auto owner = std::find_if(graph.passes.begin(), graph.passes.end(),
-                                    [&](const Pass& candidate) { return candidate.name == binding.pass; });
-    made.owners.push_back(static_cast<PassIndex>(owner - graph.passes.begin()));
-  }
+  made.owners = owners_of(made.compiled);
   made.values = constants(made.compiled);
   return made;
 }
@@ -704,14 +715,20 @@ void Executor::State::compile_passes(bool is_restoring) {
       all.push_back({state.get(), compile_shader(*state, shader, is_restoring)});
     }
   }
+  Programs own_programs = compile_programs(is_restoring);
+  std::swap(programs, own_programs);
+  destroy(own_programs);
   for (Made& made : all) {
-    if (former_pipelines(*made.pass, made.shader) != nullptr) continue;
+    ShaderState* former = former_pipelines(*made.pass, made.shader);
+    make_pipelines_behind(pass_of(*made.pass), made.shader, former);
+    if (former != nullptr) continue;
     make_pipelines(made.shader);
     ++stats.plan.pipelines_made;
   }
   for (Made& made : all) {
     ShaderState* former = made.shader.pipeline ? nullptr : former_pipelines(*made.pass, made.shader);
     if (former == nullptr) continue;
+    keep_pipelines_behind(pass_of(*made.pass), made.shader, former);
     made.shader.pipeline = std::move(former->pipeline);
     made.shader.masked = std::move(former->masked);
     ++stats.plan.pipelines_kept;

@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
-// The services that techniques ask for by name: the scene's components and its meshes; views and counters are beside.
+// The services that techniques ask for by name: the scene's components, meshes and materials, and threads; views and
+// counters are beside.
 #include "graph/execute_calls.hpp"
 
 #include <heddle/components.h>
+#include <heddle/materials.h>
 #include <heddle/meshes.h>
+#include <heddle/parallel.h>
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cstring>
+#include <system_error>
+#include <thread>
 
 namespace heddle::graph {
 
@@ -131,6 +137,84 @@ heddle_status scene_instance(const heddle_pass_host* self, std::uint32_t index, 
   return hand_out(record, out);
 }
 
+heddle_status scene_look(const heddle_pass_host* self, heddle_scene_look* out) {
+  PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, "the scene's materials")) return HEDDLE_BUG;
+  heddle_scene_look look{};
+  if (const scene::Scene* asked = executor_of(pass).asked_scene(pass); asked != nullptr) {
+    look.material_count = static_cast<std::uint32_t>(asked->materials.size());
+    look.texture_count = static_cast<std::uint32_t>(asked->textures.size());
+    look.revision = asked->content_revision;
+  }
+  return hand_out(look, out);
+}
+
+heddle_status scene_material(const heddle_pass_host* self, std::uint32_t index, heddle_scene_material* out) {
+  PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, "the scene's materials")) return HEDDLE_BUG;
+  const scene::Scene* asked = executor_of(pass).asked_scene(pass);
+  if (asked == nullptr || index >= asked->materials.size()) {
+    return wrong(pass, fmt::format("asks for material {} of a scene with {}", index,
+                                   asked != nullptr ? asked->materials.size() : 0));
+  }
+  const scene::Material& material = asked->materials[index];
+  heddle_scene_material record{};
+  record.record = &material.record;
+  std::ranges::copy(material.textures, record.textures);
+  return hand_out(record, out);
+}
+
+heddle_status scene_texture(const heddle_pass_host* self, std::uint32_t index, heddle_scene_texture* out) {
+  PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, "the scene's textures")) return HEDDLE_BUG;
+  const scene::Scene* asked = executor_of(pass).asked_scene(pass);
+  if (asked == nullptr || index >= asked->textures.size()) {
+    return wrong(pass, fmt::format("asks for texture {} of a scene with {}", index,
+                                   asked != nullptr ? asked->textures.size() : 0));
+  }
+  const scene::Texture& texture = asked->textures[index];
+  heddle_scene_texture record{};
+  record.width = texture.width;
+  record.height = texture.height;
+  record.is_srgb = texture.is_srgb ? 1 : 0;
+  std::ranges::copy(texture.wrap, record.wrap);
+  record.is_nearest = (texture.filter & HEDDLE_FILTER_NEAREST_MAGNIFIED) != 0 ? 1 : 0;
+  record.rgba = texture.rgba.data();
+  return hand_out(record, out);
+}
+
+heddle_status attributes_of(const heddle_pass_host*, const heddle_snapshot* snapshot, heddle_snapshot_attributes* out) {
+  return hand_out(scene::snapshot_attributes(*snapshot), out);
+}
+
+constexpr heddle_materials_service kMaterialsService{
+    sizeof(heddle_materials_service), 0, scene_look, scene_material, scene_texture, attributes_of};
+
+std::uint32_t most_threads(const heddle_pass_host*, std::uint32_t wanted) {
+  return wanted != 0 ? wanted : std::max(1U, std::thread::hardware_concurrency());
+}
+
+heddle_status for_each(const heddle_pass_host* self, std::uint32_t wanted, std::uint64_t count,
+                       heddle_parallel_work work, void* user) {
+  return guarded(state_of(self), [&] {
+    std::atomic<std::uint64_t> next{0};
+    const auto run = [&](std::uint32_t thread) {
+      for (std::uint64_t i = next.fetch_add(1); i < count; i = next.fetch_add(1)) work(user, i, thread);
+    };
+    // Fewer threads than asked for do the same work.
+    const std::uint64_t threads = std::min<std::uint64_t>(most_threads(self, wanted), count);
+    std::vector<std::jthread> others;
+    try {
+      for (std::uint32_t i = 1; i < threads; ++i) others.emplace_back(run, i);
+    } catch (const std::system_error&) {  // those that there are do it all
+    }
+    run(0);
+    return HEDDLE_OK;
+  });
+}
+
+constexpr heddle_parallel_service kParallelService{sizeof(heddle_parallel_service), 0, most_threads, for_each};
+
 constexpr heddle_meshes_service kMeshesService{sizeof(heddle_meshes_service), 0, scene_content, scene_mesh,
                                                scene_instance};
 
@@ -139,6 +223,8 @@ constexpr heddle_meshes_service kMeshesService{sizeof(heddle_meshes_service), 0,
 const void* service(const heddle_pass_host*, const char* id) {
   if (std::strcmp(id, HEDDLE_COMPONENTS_SERVICE) == 0) return &kComponentsService;
   if (std::strcmp(id, HEDDLE_MESHES_SERVICE) == 0) return &kMeshesService;
+  if (std::strcmp(id, HEDDLE_MATERIALS_SERVICE) == 0) return &kMaterialsService;
+  if (std::strcmp(id, HEDDLE_PARALLEL_SERVICE) == 0) return &kParallelService;
   const void* slices = slices_service(id);
   return slices != nullptr ? slices : views_service(id);
 }

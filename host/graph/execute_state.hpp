@@ -56,8 +56,26 @@ struct ShaderState {
   std::vector<PassIndex> owners;  // parallel to compiled.bindings: whose port or parameters each is
   vulkan::Constants values;       // that the pipelines were made with
   vulkan::RasterState raster;
+  /// With the vertices of meshes, or of a technique's own program.
+  struct Behind {
+    vulkan::SurfaceProgram program;  // that the pipelines were made with
+    std::vector<vulkan::Binding> bindings;
+    vulkan::Pipeline pipeline;
+    vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
+  };
   vulkan::Pipeline pipeline;
-  vulkan::Pipeline masked;  // depth-only surface shaders: batches with alpha masks
+  vulkan::Pipeline masked;
+  std::map<std::string, Behind, std::less<>> behind;  // surface programs, by the pass that has one
+};
+
+/// A technique's own program of vertices, as this plan has it.
+struct ProgramState {
+  PassIndex pass = kNoIndex;
+  vulkan::CompiledShader compiled;
+  std::vector<PassIndex> owners;  // parallel to compiled.bindings
+  vulkan::SurfaceProgram program;
+  VkDescriptorSetLayout layout = VK_NULL_HANDLE;  // of set 3
+  ShaderState evaluation;                         // vertices into a buffer; empty until a snapshot asks for it
 };
 
 /// Copies of an image or buffer on the host, for a stage with latency: as many as frames are between, and one that is
@@ -177,8 +195,8 @@ struct FrameMemory {
   std::uint32_t view_count = 0;
   vulkan::Buffer draw_commands;  // of drawings that leave out instances
   std::uint64_t draw_command_bytes = 0;
-  std::map<std::pair<VkBuffer, VkBuffer>, VkDescriptorSet>
-      program_sets;                             // of this submission: set 3 by vertices, instances
+  std::map<std::tuple<const void*, VkBuffer, VkBuffer>, VkDescriptorSet>
+      program_sets;                             // of this submission: set 3 by program, vertices, instances
   std::vector<Placing> placings;                // of this submission
   std::deque<vulkan::Buffer> placed_instances;  // of all submissions: as many as one has had placings
   vulkan::Buffer group_commands;                // VkDispatchIndirectCommand of each dispatch over a list
@@ -234,7 +252,9 @@ struct Executor::State : FrameMemory {
   std::unique_ptr<vulkan::PipelineMaker> maker;
   VkDescriptorSetLayout materials_layout = VK_NULL_HANDLE;
   VkDescriptorSetLayout program_layout = VK_NULL_HANDLE;
-  vulkan::SurfaceProgram program;
+  vulkan::SurfaceProgram program;  // of meshes
+
+  std::map<std::string, ProgramState, std::less<>> programs;  // of techniques, by pass
 
   // Scene side.
   const scene::Scene* scene = nullptr;
@@ -288,6 +308,19 @@ struct Executor::State : FrameMemory {
   ShaderState compile_shader(const PassState& pass, const Shader& shader, bool is_restoring);
   void compile_passes(bool is_restoring);
   void make_pipelines(ShaderState& shader);
+  // Surface programs of techniques (execute_programs.cpp).
+  using Programs = std::map<std::string, ProgramState, std::less<>>;
+  [[nodiscard]] Programs compile_programs(bool is_restoring) const;
+  void destroy(Programs& old) const;
+  [[nodiscard]] std::vector<ProgramState*> programs_behind(const Pass& pass, const ShaderState& shader);
+  [[nodiscard]] static ShaderState::Behind* former_behind(ShaderState* former, const ProgramState& own,
+                                                          const std::string& pass);
+  void make_pipelines_behind(const Pass& pass, ShaderState& shader, ShaderState* former);
+  void keep_pipelines_behind(const Pass& pass, ShaderState& shader, ShaderState* former);
+  [[nodiscard]] const ProgramState* program_behind(ResourceIndex made) const;
+  bool evaluate_vertices(ResourceIndex made, vulkan::Buffer& vertices);
+  [[nodiscard]] vulkan::ProviderRequest provider_request(const Pass& provider, const Function& function) const;
+  [[nodiscard]] std::vector<PassIndex> owners_of(const vulkan::CompiledShader& shader) const;
   void write_parameters(PassState& pass);
   [[nodiscard]] vulkan::Constants constants(const vulkan::CompiledShader& shader) const;
   [[nodiscard]] vulkan::BoundPort bound_port(const Pass& pass, const Access& access) const;
@@ -391,8 +424,10 @@ struct Executor::State : FrameMemory {
   void write_neutral(PassState& pass, const ScheduledStage& stage);
   void clear_image(ResourceState& state, const Resource& resource, const std::array<double, 4>& value);
   VkDescriptorSet allocate_set(VkDescriptorSetLayout layout);
-  VkDescriptorSet make_program_set(VkBuffer vertices, VkBuffer instances);
+  VkDescriptorSet make_program_set(const ProgramState* program, VkBuffer vertices, VkBuffer instances);
   VkDescriptorSet port_set(const PassState& pass, const ShaderState& shader, std::uint32_t set);
+  void fill_set(VkDescriptorSet target, const Pass& caller, std::span<const vulkan::Binding> bindings,
+                std::span<const PassIndex> owners, std::uint32_t set);
   void bind(const PassState& pass, const ShaderState& shader, const vulkan::Pipeline& pipeline, const void* push,
             std::uint32_t push_bytes);
   vulkan::Buffer switch_table(const Pass& caller, const std::string& role);

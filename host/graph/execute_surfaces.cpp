@@ -74,6 +74,7 @@ bool Executor::State::copy_contents(ResourceIndex surfaces, heddle_frame& frame)
     const BatchBuffers buffers = batch_buffers_of(graph, version);
     const std::array all{buffers.vertices, buffers.indices, buffers.instances, buffers.commands};
     for (std::size_t i = 0; i < all.size(); ++i) {
+      if (i == 0 && evaluate_vertices(version, contents.copies[i])) continue;
       if (all[i] == kNoIndex) continue;
       contents.copies[i] = device->make_buffer(host_bytes(all[i]), VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
       copy_to_host(all[i], contents.copies[i]);

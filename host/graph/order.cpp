@@ -249,7 +249,10 @@ class Scheduler {
         if (nodes_[w].scheduled.pass != pass || is_read_back)
           add_edge(w, n, fmt::format("'{}' reads '{}'", name(pass), graph_.resources[resource].name));
     };
-    for (const auto& use : node.scheduled.uses) read(use.resource);
+    for (const auto& use : node.scheduled.uses) {
+      read(use.resource);
+      connect_written_by_functions(n, use.resource);
+    }
     if (!is_read_back) connect_ports(n, read);
     // Whoever touches the version before a change in place comes before the change.
     for (const auto& use : node.scheduled.uses) {
@@ -264,6 +267,23 @@ class Scheduler {
                      fmt::format("'{}' changes '{}', which '{}' reads", name(r.producer),
                                  graph_.resources[use.resource].name, name(pass)));
       }
+    }
+  }
+
+  /// What functions write on behalf of their callers is complete for others when the callers are done: for copies to
+  /// the host and for other passes. The maker's own stages stand before all callers, and see what the last frame left.
+  void connect_written_by_functions(NodeIndex n, ResourceIndex resource) {
+    const Node& node = nodes_[n];
+    const auto of_resource = [&](const auto& use) { return use.resource == resource; };
+    const bool is_own = graph_.resources[resource].producer == node.scheduled.pass && !node.scheduled.is_read_back;
+    if (is_own || std::ranges::any_of(node.from_functions, of_resource)) return;
+    for (NodeIndex caller = 0; caller < nodes_.size(); ++caller) {
+      if (caller == n || nodes_[caller].scheduled.is_read_back) continue;
+      const auto writes = [&](const auto& use) { return of_resource(use) && use.writes; };
+      if (std::ranges::any_of(nodes_[caller].from_functions, writes))
+        add_edge(caller, n,
+                 fmt::format("'{}' calls a function that writes '{}'", name(nodes_[caller].scheduled.pass),
+                             graph_.resources[resource].name));
     }
   }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <fstream>
 #include <iterator>
+#include <span>
 
 #include "graph/stages.hpp"
 #include "graph/written.hpp"
@@ -194,9 +195,10 @@ struct Step {
 };
 
 void read_jobs_of(WrittenGraph& graph, const fs::path& shipped, std::vector<Step>& chain);
+void apply_setting(WrittenGraph& graph, std::string_view setting, std::size_t start);
 
 WrittenGraph read_job(const GraphPlace& place, const fs::path& shipped, const Location& where,
-                      std::vector<Step>& chain) {
+                      std::span<const JobSetting> settings, std::vector<Step>& chain) {
   std::error_code error;
   const fs::path canonical = fs::weakly_canonical(place.file(), error);
   const auto again = std::ranges::find(chain, canonical, &Step::canonical);
@@ -223,6 +225,7 @@ WrittenGraph read_job(const GraphPlace& place, const fs::path& shipped, const Lo
                                              "kind = \"job\" in that file",
                                              {}});
   }
+  for (const JobSetting& setting : settings) apply_setting(job, setting.text, setting.begin);
   chain.push_back({canonical, {}, {}});
   read_jobs_of(job, shipped, chain);
   chain.pop_back();
@@ -230,17 +233,22 @@ WrittenGraph read_job(const GraphPlace& place, const fs::path& shipped, const Lo
 }
 
 void read_jobs_of(WrittenGraph& graph, const fs::path& shipped, std::vector<Step>& chain) {
+  std::vector<std::string> named;
   for (const WrittenPass& pass : graph.passes) {
     for (const auto& [port, value] : pass.inputs) {
       const std::string& text = text_of(value);
       const auto hash = text.find('#');
       if (hash == std::string::npos || hash == 0) continue;
       const std::string name = text.substr(0, hash);
+      if (std::ranges::find(named, name) == named.end()) named.push_back(name);
       if (graph.jobs.contains(name)) continue;
+      std::vector<JobSetting> settings;
+      std::ranges::copy_if(graph.job_settings, std::back_inserter(settings),
+                           [&](const JobSetting& setting) { return setting.job == name; });
       chain.back().names = value.where;
       chain.back().job = name;
       WrittenGraph job =
-          read_job(GraphPlace(graph.folder / name, is_bare_name(name), shipped), shipped, value.where, chain);
+          read_job(GraphPlace(graph.folder / name, is_bare_name(name), shipped), shipped, value.where, settings, chain);
       const auto add = [&](const std::string& file) {
         if (std::ranges::find(graph.files, file) == graph.files.end()) graph.files.push_back(file);
       };
@@ -248,6 +256,82 @@ void read_jobs_of(WrittenGraph& graph, const fs::path& shipped, std::vector<Step
       graph.jobs.emplace(name, std::make_shared<const WrittenGraph>(std::move(job)));
     }
   }
+  Problems problems;
+  for (const JobSetting& setting : graph.job_settings) {
+    if (std::ranges::find(named, setting.job) != named.end()) continue;
+    problems.add(
+        setting.where, fmt::format("no input of the graph names the job '{}'", setting.job), setting.text,
+        named.empty() ? "a setting without '#': its passes read no job's artifacts" : "one of " + join_names(named),
+        did_you_mean(setting.job, named));
+  }
+  problems.throw_if_any();
+}
+
+/// The setting from its byte `start` on; what is before it names a job.
+void apply_setting(WrittenGraph& graph, std::string_view setting, std::size_t start) {
+  constexpr std::string_view kForm =
+      "PASS.technique=NAME, PASS.params.NAME=VALUE, params.NAME=VALUE, extent=[W,H], output=PASS.PORT, or "
+      "JOB.toml#SETTING";
+  const auto characters = [&](std::size_t bytes) {  // 1 + characters before, in UTF-8
+    return 1 + static_cast<std::uint32_t>(
+                   std::ranges::count_if(setting.substr(0, bytes), [](char c) { return (c & 0xC0) != 0x80; }));
+  };
+  const auto place = [&](std::size_t bytes) { return Location{"--set", 1, characters(bytes)}; };
+  Problems problems;
+  const auto equals = setting.find('=', start);
+  if (equals == std::string_view::npos || equals == start) {
+    problems.add(place(start), equals == start ? "the setting has no key" : "the setting has no '='",
+                 std::string(setting), std::string(kForm));
+    problems.throw_if_any();
+  }
+
+  if (const auto hash = setting.find('#', start); hash < equals) {
+    const std::string job(setting.substr(start, hash - start));
+    // The last word on a key counts.
+    const std::string_view key = setting.substr(0, equals + 1);
+    std::erase_if(graph.job_settings, [&](const JobSetting& said) { return said.text.starts_with(key); });
+    graph.job_settings.push_back({job, std::string(setting), hash + 1, place(start)});
+    graph.jobs.erase(job);
+    return;
+  }
+
+  std::vector<WrittenKey> path;
+  for (std::size_t begin = start; begin <= equals;) {
+    const std::size_t end = std::min(setting.find('.', begin), equals);
+    std::size_t first = begin;
+    std::size_t last = end;
+    while (first < last && setting[first] == ' ') ++first;
+    while (last > first && setting[last - 1] == ' ') --last;
+    path.push_back({std::string(setting.substr(first, last - first)), place(first), {}});
+    if (path.back().name.empty())
+      problems.add(place(begin), "a part of the setting's key is empty", std::string(setting.substr(0, equals)),
+                   std::string(kForm));
+    begin = end + 1;
+  }
+  auto value = parse_value(setting.substr(equals + 1), place(equals + 1), problems);
+  problems.throw_if_any();
+
+  const std::string& first = path.front().name;
+  const bool is_graph_key = first == "extent" || first == "output" || first == "params" || first == "joins";
+  const auto pass = find_pass(graph.passes, first);
+  if (is_graph_key) {
+    assign_graph_key(graph, path, std::move(*value), problems);
+  } else if (pass == graph.passes.end()) {
+    std::vector<std::string> names = names_of(graph.passes);
+    for (const char* key : {"extent", "output", "params", "joins"}) names.emplace_back(key);
+    problems.add(path.front().where, fmt::format("the graph has no pass '{}'", first), std::string(setting),
+                 "one of " + join_names(names), did_you_mean(first, names));
+  } else if (path.size() == 1) {
+    problems.add(path.front().where, fmt::format("pass '{}': the setting says no key", first), std::string(setting),
+                 std::string(kForm));
+  } else if (path[1].name == "name" || path[1].name == "role" || path[1].name == "after" || path[1].name == "before") {
+    problems.add(path[1].where, fmt::format("pass '{}': a setting cannot change '{}'", first, path[1].name),
+                 std::string(setting), "technique, params, inputs, functions, serves or enabled",
+                 "an overlay file can");
+  } else {
+    assign_pass_key(*pass, std::span(path).subspan(1), std::move(*value), problems);
+  }
+  problems.throw_if_any();
 }
 
 }  // namespace
@@ -336,58 +420,7 @@ WrittenGraph overlay(WrittenGraph base, WrittenGraph over) {
 }
 
 void apply_setting(WrittenGraph& graph, std::string_view setting) {
-  constexpr std::string_view kForm =
-      "PASS.technique=NAME, PASS.params.NAME=VALUE, params.NAME=VALUE, extent=[W,H] or output=PASS.PORT";
-  const auto characters = [&](std::size_t bytes) {  // 1 + characters before, in UTF-8
-    return 1 + static_cast<std::uint32_t>(
-                   std::ranges::count_if(setting.substr(0, bytes), [](char c) { return (c & 0xC0) != 0x80; }));
-  };
-  const auto place = [&](std::size_t bytes) { return Location{"--set", 1, characters(bytes)}; };
-  Problems problems;
-  const auto equals = setting.find('=');
-  if (equals == std::string_view::npos || equals == 0) {
-    problems.add(place(0), equals == 0 ? "the setting has no key" : "the setting has no '='", std::string(setting),
-                 std::string(kForm));
-    problems.throw_if_any();
-  }
-
-  std::vector<WrittenKey> path;
-  for (std::size_t begin = 0; begin <= equals;) {
-    const std::size_t end = std::min(setting.find('.', begin), equals);
-    std::size_t first = begin;
-    std::size_t last = end;
-    while (first < last && setting[first] == ' ') ++first;
-    while (last > first && setting[last - 1] == ' ') --last;
-    path.push_back({std::string(setting.substr(first, last - first)), place(first), {}});
-    if (path.back().name.empty())
-      problems.add(place(begin), "a part of the setting's key is empty", std::string(setting.substr(0, equals)),
-                   std::string(kForm));
-    begin = end + 1;
-  }
-  auto value = parse_value(setting.substr(equals + 1), place(equals + 1), problems);
-  problems.throw_if_any();
-
-  const std::string& first = path.front().name;
-  const bool is_graph_key = first == "extent" || first == "output" || first == "params" || first == "joins";
-  const auto pass = find_pass(graph.passes, first);
-  if (is_graph_key) {
-    assign_graph_key(graph, path, std::move(*value), problems);
-  } else if (pass == graph.passes.end()) {
-    std::vector<std::string> names = names_of(graph.passes);
-    for (const char* key : {"extent", "output", "params", "joins"}) names.emplace_back(key);
-    problems.add(path.front().where, fmt::format("the graph has no pass '{}'", first), std::string(setting),
-                 "one of " + join_names(names), did_you_mean(first, names));
-  } else if (path.size() == 1) {
-    problems.add(path.front().where, fmt::format("pass '{}': the setting says no key", first), std::string(setting),
-                 std::string(kForm));
-  } else if (path[1].name == "name" || path[1].name == "role" || path[1].name == "after" || path[1].name == "before") {
-    problems.add(path[1].where, fmt::format("pass '{}': a setting cannot change '{}'", first, path[1].name),
-                 std::string(setting), "technique, params, inputs, functions, serves or enabled",
-                 "an overlay file can");
-  } else {
-    assign_pass_key(*pass, std::span(path).subspan(1), std::move(*value), problems);
-  }
-  problems.throw_if_any();
+  apply_setting(graph, setting, 0);
 }
 
 }  // namespace heddle::graph

@@ -157,9 +157,10 @@ void walk(const toml::table& table, std::string_view file, std::span<const std::
       for (const auto& [inner_key, inner_node] : in_file_order(*inner, file)) {
         if (auto value = to_written(*inner_node, file, problems)) assign(std::array{key, inner_key}, std::move(*value));
       }
-    } else if (node->is_table()) {
+    } else if (node->is_table() || node->is_array_of_tables()) {
       // No key takes a table here: the path with one of its keys makes the grammar say so, or that the key is unknown.
-      const auto below = in_file_order(*node->as_table(), file);
+      const toml::table& inner = node->is_table() ? *node->as_table() : *node->as_array()->front().as_table();
+      const auto below = in_file_order(inner, file);
       assign(std::array{key, below.empty() ? key : below.front().first}, Written{std::string{}, key.where});
     } else if (auto value = to_written(*node, file, problems)) {
       assign(std::array{key}, std::move(*value));

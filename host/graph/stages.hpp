@@ -49,6 +49,15 @@ struct RemovedPass {
   Location where;  // in `remove`
 };
 
+/// A setting of a job that an input names: all of "links.toml#bake.params.rays=64", and where the job's own part
+/// begins.
+struct JobSetting {
+  std::string job;  // "links.toml", as inputs write it
+  std::string text;
+  std::size_t begin = 0;
+  Location where;
+};
+
 struct WrittenGraph {
   std::optional<Written> kind;  // "frame", which is the default, or "job"
   std::string file;
@@ -64,6 +73,7 @@ struct WrittenGraph {
   std::vector<RemovedPass> removed;  // by overlays; for explanations alone
   // Graphs that inputs name, "links.toml#links", by what stands before the '#'. Sharers: copies of this structure.
   std::map<std::string, std::shared_ptr<const WrittenGraph>, std::less<>> jobs;
+  std::vector<JobSetting> job_settings;  // in order; read_jobs applies them to what it reads
 };
 
 /// TOML text -> what was written. Opens no file. Throws Error with every syntax error and unknown key.
@@ -75,14 +85,15 @@ WrittenGraph read_graph(const std::filesystem::path& file, const std::filesystem
 WrittenGraph read_extended(WrittenGraph written, const std::filesystem::path& folder,
                            const std::filesystem::path& shipped = {});
 /// Reads the jobs that inputs name and that were not read yet, the jobs that those name, and so on. Opens files; throws
-/// Error for what is no job, and for jobs that name each other in a circle.
+/// Error for what is no job, for jobs that name each other in a circle, and for settings of jobs that nothing names.
 void read_jobs(WrittenGraph& graph, const std::filesystem::path& shipped = {});
 /// True where a graph says kind = "job".
 bool is_job(const WrittenGraph& graph);
 /// Merges `over` on `base`. Pure.
 WrittenGraph overlay(WrittenGraph base, WrittenGraph over);
 /// Applies "ao.technique=gtao", "ao.params.radius=1", "ao.inputs.depth=x.y", "extent=[640,360]", "output=a.b",
-/// "params.NAME=..."; the place of such a value is file "--set", line 1, column in the setting.
+/// "params.NAME=..."; the place of such a value is file "--set", line 1, column in the setting. "links.toml#SETTING" is
+/// one of the job that inputs name "links.toml#...": read_jobs, which is to follow, reads that job anew and applies it.
 void apply_setting(WrittenGraph& graph, std::string_view setting);
 
 // ---- resolve: names -> descriptors and resources --------------------------------------------------------------------

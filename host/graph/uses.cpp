@@ -63,6 +63,23 @@ void visit_providers(const ResolvedGraph& graph, PassIndex caller, std::span<con
   }
 }
 
+/// What the programs of surfaces read: in the vertex stage of whoever draws them; for a snapshot in a compute shader.
+void add_program_uses(const ResolvedGraph& graph, ResourceIndex surfaces, std::uint32_t access,
+                      std::vector<Use>& uses) {
+  for (const ResourceIndex made : made_surfaces(graph, surfaces)) {
+    const Function* program = program_of(graph, made);
+    if (program == nullptr) continue;
+    const Pass& maker = graph.passes[graph.resources[made].producer];
+    for (const Access& read : program->accesses) {
+      const auto bound = maker.ports.find(read.port);
+      if (bound == maker.ports.end()) continue;
+      const bool is_buffer = has_memory(graph.resources[bound->second].type);
+      const std::uint32_t as = !is_buffer || access != HEDDLE_ACCESS_DRAW ? read.access : access;
+      merge_use(uses, make_use(bound->second, as, true, false));
+    }
+  }
+}
+
 void add_calls(std::vector<std::string>& calls, const std::vector<std::string>& more) {
   for (const std::string& role : more)
     if (std::ranges::find(calls, role) == calls.end()) calls.push_back(role);
@@ -121,6 +138,12 @@ BatchBuffers batch_buffers_of(const ResolvedGraph& graph, ResourceIndex made) {
   return {bound(port->vertices), bound(port->indices), bound(port->instances), bound(port->commands)};
 }
 
+const Function* program_of(const ResolvedGraph& graph, ResourceIndex made) {
+  const Technique& technique = *graph.passes[graph.resources[made].producer].entry.technique;
+  const Port* port = technique.find_port(graph.resources[made].port);
+  return port != nullptr && port->vertices.empty() ? technique.find_function(kProgramRole) : nullptr;
+}
+
 std::vector<ResourceIndex> batch_buffers(const ResolvedGraph& graph, ResourceIndex surfaces) {
   std::vector<ResourceIndex> found;
   for (const ResourceIndex made : made_surfaces(graph, surfaces)) {
@@ -155,6 +178,7 @@ std::vector<Use> own_uses(const ResolvedGraph& graph, PassIndex index, std::uint
       // What was made is read out of its makers' buffers.
       for (const ResourceIndex buffer : batch_buffers(graph, resource))
         merge_use(uses, make_use(buffer, access.access, true, false));
+      add_program_uses(graph, resource, access.access, uses);
     }
     if (port->direction == Direction::kIn) {
       merge_use(uses, make_use(resource, access.access, true, false));

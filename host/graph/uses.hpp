@@ -49,7 +49,9 @@ struct BatchBuffers {
   ResourceIndex vertices = kNoIndex, indices = kNoIndex, instances = kNoIndex, commands = kNoIndex;
 };
 BatchBuffers batch_buffers_of(const ResolvedGraph& graph, ResourceIndex made);
-/// Every buffer that drawing the surfaces reads.
+/// The function by which the makers of one made version say where its vertices are; nullptr: they lie in a buffer.
+const Function* program_of(const ResolvedGraph& graph, ResourceIndex made);
+/// Every buffer that drawing the surfaces reads, but for what programs read.
 std::vector<ResourceIndex> batch_buffers(const ResolvedGraph& graph, ResourceIndex surfaces);
 
 /// "HEDDLE_ACCESS_" in words of people: "sampled", "colour", ...

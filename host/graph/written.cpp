@@ -46,10 +46,10 @@ std::string path_text(std::span<const WrittenKey> path) {
 
 /// Reports "label: 'key' must be ..." and answers false unless `is_good`.
 bool expect(bool is_good, std::string_view label, std::span<const WrittenKey> path, const Written& value,
-            std::string_view expected, Problems& problems) {
+            std::string_view expected, Problems& problems, std::string help = {}) {
   if (is_good) return true;
   problems.add(value.where, fmt::format("{}'{}' is {}", label, path_text(path), type_name(value)),
-               fmt::format("{} = {}", path_text(path), to_toml(value)), std::string(expected));
+               fmt::format("{} = {}", path_text(path), to_toml(value)), std::string(expected), std::move(help));
   return false;
 }
 
@@ -153,8 +153,10 @@ void assign_graph_key(WrittenGraph& graph, std::span<const WrittenKey> path, Wri
                key.name == "output" ? "a string \"pass.port\"" : "the name of a file, as a string", problems))
       (key.name == "output" ? graph.output : graph.extends) = std::move(value);
   } else if (key.name == "kind") {
+    static const std::vector<std::string> kKinds{"frame", "job"};
     if (expect_depth(path, 1, {}, "\"frame\" or \"job\"", problems) &&
-        expect(text_of(value) == "frame" || text_of(value) == "job", {}, path, value, "\"frame\" or \"job\"", problems))
+        expect(text_of(value) == "frame" || text_of(value) == "job", {}, path, value, "\"frame\" or \"job\"", problems,
+               did_you_mean(text_of(value), kKinds)))
       graph.kind = std::move(value);
   } else if (key.name == "extent") {
     if (expect_depth(path, 1, {}, "[width, height]", problems)) graph.extent = std::move(value);

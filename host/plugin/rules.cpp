@@ -196,8 +196,10 @@ class Rules {
       }
     }
     if (!is_made) return;
-    if (port.vertices.empty() || port.indices.empty() || port.instances.empty() != port.commands.empty()) {
-      complain(what + ": its batches have no place", {}, "vertices and indices; instances and commands both or none");
+    const bool has_vertices = !port.vertices.empty() || technique_.find_function(kProgramRole) != nullptr;
+    if (!has_vertices || port.indices.empty() || port.instances.empty() != port.commands.empty()) {
+      complain(what + ": its batches have no place", {},
+               "vertices, or a function of role surface_program, and indices; instances and commands both or none");
     }
     const auto makers = std::count_if(technique_.stages.begin(), technique_.stages.end(), [&](const Stage& stage) {
       return std::any_of(stage.accesses.begin(), stage.accesses.end(), [&](const Access& access) {
@@ -464,6 +466,22 @@ class Rules {
       check_not_lasting(access, what);
     }
     check_calls(what, function.calls);
+    if (function.role == kProgramRole) check_program(function, what);
+  }
+
+  // Surface programs run in the vertex stages of passes that they do not know.
+  void check_program(const Function& function, const std::string& what) {
+    if (!function.calls.empty()) complain(what + " calls functions", join_names(function.calls), "none: it is no pass");
+    for (const Access& access : function.accesses) {
+      const Port* port = technique_.find_port(access.port);
+      if (port == nullptr) continue;
+      const bool is_read = access.access == HEDDLE_ACCESS_VALUE ||
+                           (port->type == PortType::kBuffer && access.access == HEDDLE_ACCESS_STORAGE_READ);
+      if (!is_read) {
+        complain(fmt::format("{}: access to '{}' is not for surface programs", what, access.port),
+                 fmt::format("HEDDLE_ACCESS {}", access.access), "VALUE, or STORAGE_READ of a buffer");
+      }
+    }
   }
 
   // Overridden values go out before the body, gathered inputs come in after it.

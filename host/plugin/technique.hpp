@@ -183,6 +183,9 @@ struct Loop {
   bool operator==(const Loop&) const = default;
 };
 
+/// The role whose functions are a technique's own surface program: vertex stages ask them where vertices are.
+inline constexpr std::string_view kProgramRole = "surface_program";
+
 struct Technique {
   std::string id;  // "ambient_occlusion/gtao"
   std::string title;

@@ -281,8 +281,9 @@ std::optional<std::shared_ptr<const LightTexture>> read_light_texture(Table& tab
   }
 }
 
-Change read_light(Table& table, const std::string& name, bool is_new, const ComponentCatalog* catalog,
-                  const std::filesystem::path& folder, const LoadLimits& limits) {
+/// `present`: the light of the scene that it changes; NULL: this file makes it.
+Change read_light(Table& table, const std::string& name, bool is_new, const Light* present,
+                  const ComponentCatalog* catalog, const std::filesystem::path& folder, const LoadLimits& limits) {
   const auto type = table.choice("type", kLightTypes);
   const auto position = table.numbers<3>("position", kAny);
   const auto towards = direction(table, "direction"), tangent = direction(table, "tangent");
@@ -297,8 +298,11 @@ Change read_light(Table& table, const std::string& name, bool is_new, const Comp
   const auto texture = read_light_texture(table, name, folder, limits, files);
   const std::vector<ComponentValues> components = table.components(catalog, Owner::kLight);
   table.finish();
-  if (texture && type && *type != HEDDLE_LIGHT_RECTANGLE) {
-    table.mistake(table.where(*table.find("texture")), "this light has no face to show a texture on", "",
+  const bool is_of_scene = !type && present != nullptr;
+  const std::uint32_t shape = is_of_scene ? present->record.type : type.value_or(HEDDLE_LIGHT_RECTANGLE);
+  if (texture && *texture != nullptr && shape != HEDDLE_LIGHT_RECTANGLE) {
+    table.mistake(table.where(*table.find("texture")), "this light has no face to show a texture on",
+                  is_of_scene ? fmt::format("'{}' is of the type {}", name, kLightTypes.at(shape)) : "",
                   "type = \"rectangle\"");
   }
   if (is_new && (!type || !intensity)) {
@@ -499,8 +503,9 @@ class Overlay {
     });
     each("light", [&](Table& table, const std::string& name) {
       const bool is_new = !contains(lights, name);
-      changes.push_back(read_light(table, name, is_new, scene.components.catalog,
-                                   std::filesystem::path(file_).parent_path(), limits));
+      const auto present = std::ranges::find(scene.lights, name, &Light::name);
+      changes.push_back(read_light(table, name, is_new, present == scene.lights.end() ? nullptr : &*present,
+                                   scene.components.catalog, std::filesystem::path(file_).parent_path(), limits));
       if (is_new) {
         lights.push_back(name);
       }

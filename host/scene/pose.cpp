@@ -131,6 +131,7 @@ void Scene::pose_rigs(double seconds) {
       bents[i].push_back(bend(*this, rigs[i], poses[i], deformation));
     }
   }
+  begin_move();
   bool has_moved = false, is_rewired = false;
   for (std::size_t i = 0; i < rigs.size(); ++i) {
     Rig& rig = rigs[i];

@@ -119,6 +119,20 @@ bool Scene::settle() {
   return has_moved;
 }
 
+void Scene::begin_frame(const void* graph) {
+  if (std::find(seen_by.begin(), seen_by.end(), graph) != seen_by.end()) begin_move();
+}
+
+void Scene::end_frame(const void* graph) {
+  seen_by.push_back(graph);
+}
+
+void Scene::begin_move() {
+  if (seen_by.empty()) return;
+  settle();
+  seen_by.clear();
+}
+
 std::array<glm::dvec3, 2> Scene::bounds() const {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   std::array<glm::dvec3, 2> bounds = {glm::dvec3(kInfinity), glm::dvec3(-kInfinity)};

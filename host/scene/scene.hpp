@@ -124,6 +124,8 @@ class Scene {
   std::uint64_t content_revision = new_revision();
   std::uint64_t motion_revision = new_revision();
 
+  std::vector<const void*> seen_by;  // graphs that have shown the scene as it is
+
   std::vector<std::filesystem::path> files;  // that were read, with those that they name
 
   /// What loaded files asked for and did not get: skipped primitives, extensions that nobody here knows.
@@ -141,6 +143,11 @@ class Scene {
   /// After a frame: what moved has arrived, so the next frame's previous places are this one's. True if anything had
   /// moved (then motion_revision is new).
   bool settle();
+  /// Several graphs may show one scene in turn; each has last frame's places for its previous ones. Before a graph's
+  /// frame, after it, and before anything moves: what somebody has seen then becomes previous.
+  void begin_frame(const void* graph);
+  void end_frame(const void* graph);
+  void begin_move();
   static std::uint64_t new_revision();
 
   /// Scene-space bounds of all instances; {0,0} if empty.

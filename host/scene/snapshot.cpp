@@ -29,8 +29,9 @@ struct AlphaLook {
 struct SnapshotData {
   heddle_snapshot record{};
   std::vector<float> positions, normals, uvs;
-  std::vector<std::array<float, 2>> uv1;  // as many as vertices if a masked texture uses them, else none
-  std::vector<std::uint8_t> vertex_alpha;
+  std::vector<std::array<float, 2>> uv1;
+  std::vector<std::array<float, 4>> tangents;
+  std::vector<std::uint32_t> colors;  // rgba8
   std::vector<std::uint32_t> indices, materials, flags;
   std::vector<AlphaLook> looks;
   std::vector<std::uint32_t> look_of;  // by material; HEDDLE_NONE: no holes
@@ -91,7 +92,7 @@ std::uint32_t test_alpha(const heddle_snapshot* snapshot, std::uint32_t triangle
     const float* at = look.uv_set == 1 ? data.uv1[vertex].data() : &data.uvs[vertex * 2];
     uv[0] += weights[k] * at[0];
     uv[1] += weights[k] * at[1];
-    vertex_alpha += weights[k] * static_cast<float>(data.vertex_alpha[vertex]) / 255.0F;
+    vertex_alpha += weights[k] * static_cast<float>(data.colors[vertex] >> 24U) / 255.0F;
   }
   float alpha = look.alpha * vertex_alpha;
   if (look.width > 0) {
@@ -145,7 +146,13 @@ void add_triangles(const Scene& scene, std::uint32_t material, const glm::dmat4&
     data.uvs.push_back(vertex.u0);
     data.uvs.push_back(vertex.v0);
     data.uv1.push_back({vertex.u1, vertex.v1});
-    data.vertex_alpha.push_back(static_cast<std::uint8_t>(vertex.color >> 24));
+    data.colors.push_back(vertex.color);
+    const glm::dvec3 along = linear * glm::dvec3(vertex.tangent[0], vertex.tangent[1], vertex.tangent[2]);
+    const double tangent_length = glm::length(along);
+    const glm::dvec3 tangent = tangent_length > 0 ? along / tangent_length : along;
+    // A mirror turns the handedness around, as it does for surfaces that are drawn.
+    data.tangents.push_back({static_cast<float>(tangent.x), static_cast<float>(tangent.y),
+                             static_cast<float>(tangent.z), is_flipped ? -vertex.tangent[3] : vertex.tangent[3]});
   }
   const std::uint32_t flags = surface_flags(scene.materials.at(material).record);
   for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
@@ -266,6 +273,9 @@ const heddle_snapshot& Snapshot::update(const Scene& scene, bool holds_scene, st
   data.positions.reserve(vertices * 3);
   data.normals.reserve(vertices * 3);
   data.uvs.reserve(vertices * 2);
+  data.uv1.reserve(vertices);
+  data.tangents.reserve(vertices);
+  data.colors.reserve(vertices);
   data.indices.reserve(triangles * 3);
   for (const Material& material : scene.materials) {
     data.look_of.push_back(HEDDLE_NONE);
@@ -286,9 +296,6 @@ const heddle_snapshot& Snapshot::update(const Scene& scene, bool holds_scene, st
   vertices = data.positions.size() / 3;
   triangles = data.indices.size() / 3;
   check_size();
-  if (std::none_of(data.looks.begin(), data.looks.end(), [](const AlphaLook& look) { return look.uv_set == 1; })) {
-    data.uv1 = {};
-  }
   data.content_revision = scene.content_revision;
   data.motion_revision = scene.motion_revision;
   data.holds_scene = holds_scene;
@@ -313,6 +320,16 @@ const heddle_snapshot& Snapshot::update(const Scene& scene, bool holds_scene, st
 
 const heddle_snapshot& Snapshot::record() const {
   return state_->record;
+}
+
+heddle_snapshot_attributes snapshot_attributes(const heddle_snapshot& snapshot) {
+  const auto& data = reinterpret_cast<const SnapshotData&>(snapshot);
+  heddle_snapshot_attributes attributes{};
+  attributes.struct_size = sizeof attributes;
+  attributes.tangents = data.tangents.empty() ? nullptr : data.tangents.front().data();
+  attributes.uvs_1 = data.uv1.empty() ? nullptr : data.uv1.front().data();
+  attributes.colors = data.colors.data();
+  return attributes;
 }
 
 heddle_alpha_test Snapshot::alpha_test() const {

@@ -8,6 +8,7 @@
 #include "scene/scene.hpp"
 #include "vulkan/device.hpp"
 
+#include <heddle/materials.h>
 #include <heddle/plugin.h>
 
 #include <functional>
@@ -153,5 +154,8 @@ class Snapshot {
   struct State;
   std::shared_ptr<State> state_;
 };
+
+/// Of a snapshot that class Snapshot made, by the reference that update() gave; valid as long as that is.
+heddle_snapshot_attributes snapshot_attributes(const heddle_snapshot& snapshot);
 
 }  // namespace heddle::scene

@@ -32,7 +32,7 @@ VkDescriptorType descriptor_type(const Binding& binding) {
     case Binding::Kind::kParameters:
       break;
   }
-  return binding.set == shader::kSetOfProviders ? VK_DESCRIPTOR_TYPE_STORAGE_BUFFER : VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
+  return binding.set != shader::kSetOfCaller ? VK_DESCRIPTOR_TYPE_STORAGE_BUFFER : VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER;
 }
 
 namespace {
@@ -215,7 +215,7 @@ Pipeline PipelineMaker::surfaces(const SurfaceProgram& program, const CompiledSh
   made.sets_ = {VK_NULL_HANDLE, VK_NULL_HANDLE, materials, program_set};
   make_set_layouts(*device_, fragment.bindings, 4, VK_SHADER_STAGE_FRAGMENT_BIT, made.sets_, made.owned_sets_);
   made.layout_ = make_layout(*device_, made.sets_, VK_SHADER_STAGE_FRAGMENT_BIT, fragment.push_bytes);
-  return graphics(program.vertex, fragment.spirv, std::move(made), constants, state, true);
+  return graphics(program.vertex, fragment.spirv, std::move(made), constants, state, true, program.constants);
 }
 
 Pipeline PipelineMaker::surfaces_masked_depth(const SurfaceProgram& program, const RasterState& state,
@@ -228,15 +228,15 @@ Pipeline PipelineMaker::surfaces_masked_depth(const SurfaceProgram& program, con
 
 Pipeline PipelineMaker::graphics(std::span<const std::uint32_t> vertex, std::span<const std::uint32_t> fragment,
                                  Pipeline&& layouts, const Constants& constants, const RasterState& state,
-                                 bool is_surfaces) {
+                                 bool is_surfaces, const Constants& vertex_constants) {
   const heddle_vulkan& vk = device_->table();
   Pipeline made = std::move(layouts);
   made.bind_point_ = VK_PIPELINE_BIND_POINT_GRAPHICS;
 
   const Module vertex_module(*device_, vertex);
   std::optional<Module> fragment_module;
-  const Specialization specialization(constants);
-  std::vector stages{stage_info(VK_SHADER_STAGE_VERTEX_BIT, vertex_module, nullptr)};
+  const Specialization specialization(constants), vertex_specialization(vertex_constants);
+  std::vector stages{stage_info(VK_SHADER_STAGE_VERTEX_BIT, vertex_module, &vertex_specialization)};
   if (!fragment.empty()) {
     fragment_module.emplace(*device_, fragment);
     stages.push_back(stage_info(VK_SHADER_STAGE_FRAGMENT_BIT, *fragment_module, &specialization));

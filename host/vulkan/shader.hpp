@@ -58,6 +58,8 @@ struct ShaderRequest {
   std::vector<RoleRequest> roles;
   std::vector<std::filesystem::path> shared_folders;  // <heddle/records.h> and plugins/shared are found from here
   GeneratedTexts texts;
+  bool is_vertex_stage =
+      false;  // of a surface program: what providers read lies in set 3, behind what all programs have
 };
 
 /// Where a binding's content comes from.
@@ -132,15 +134,32 @@ std::uint64_t compiler_calls();
 std::string generate_pass_glsl(const ShaderRequest& request);
 std::string generate_role_glsl(const ShaderRequest& request, std::string_view role);
 
+/// Values of the specialization constants, by ConstantSlot::id (the caller's: index of the parameter).
+using Constants = std::map<std::uint32_t, std::uint32_t>;  // raw 32 bits
+
 /// Vertex stages of surface programs and the host's own depth-only fragment shader with alpha test.
 struct SurfaceProgram {
   std::vector<std::uint32_t> vertex;           // position and all fields of the surface block
   std::vector<std::uint32_t> masked_fragment;  // depth only: discards below the cutoff (set 2)
+  Constants constants;                         // of the vertex stage
+  bool operator==(const SurfaceProgram&) const = default;
 };
 /// The program of meshes: pulls HeddleVertex and HeddleInstance from storage buffers (set 3: 0 vertices, 1 instances,
 /// 2 materials), the view from push constants' uniform (set 3: 3, dynamic offset), instance by gl_InstanceIndex.
 SurfaceProgram mesh_program(const std::filesystem::path& cache_folder,
                             const std::vector<std::filesystem::path>& shared_folders);
+
+/// A technique's own vertex stage: as mesh_program's, but set 3 has no vertices, and from kFirstOfProgram on what the
+/// provider reads (CompiledShader::bindings). Throws as compile does.
+inline constexpr std::uint32_t kProgramSet = 3, kFirstOfProgram = 4;
+CompiledShader compile_program(const Role& role, const ProviderRequest& provider,
+                               const std::filesystem::path& cache_folder,
+                               const std::vector<std::filesystem::path>& shared_folders);
+/// The same functions for the first `count` (pushed: uint) vertices into HeddleVertex[] (set 0, binding 0), for
+/// snapshots; `local_size` invocations in x.
+CompiledShader compile_program_evaluation(const Role& role, const ProviderRequest& provider,
+                                          const std::filesystem::path& cache_folder,
+                                          const std::vector<std::filesystem::path>& shared_folders);
 
 /// The host's own: an element count on the GPU -> the work groups of a dispatch over so many. Set 0: the list, and
 /// the VkDispatchIndirectCommand; pushed: ListGroups.
@@ -184,9 +203,6 @@ struct RasterState {
   bool operator==(const RasterState&) const = default;
 };
 
-/// Values of the specialization constants, by ConstantSlot::id (the caller's: index of the parameter).
-using Constants = std::map<std::uint32_t, std::uint32_t>;  // raw 32 bits
-
 /// Makes pipelines of one device. Viewport, scissor, and for surfaces cull mode and front face, are dynamic.
 class PipelineMaker {
  public:
@@ -202,7 +218,8 @@ class PipelineMaker {
 
  private:
   Pipeline graphics(std::span<const std::uint32_t> vertex, std::span<const std::uint32_t> fragment, Pipeline&& layouts,
-                    const Constants& constants, const RasterState& state, bool is_surfaces);
+                    const Constants& constants, const RasterState& state, bool is_surfaces,
+                    const Constants& vertex_constants = {});
   Device* device_;
   std::filesystem::path cache_folder_;
   std::vector<std::uint32_t> fullscreen_vertex_;

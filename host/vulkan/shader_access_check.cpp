@@ -60,7 +60,9 @@ class Checker {
     const auto binding = std::find_if(join_.bindings.begin(), join_.bindings.end(), [&](const Binding& b) {
       return b.set == variable.set && b.binding == variable.binding;
     });
-    const bool is_of_surfaces = variable.set == kSetOfMaterials || variable.set == kSetOfProgram;
+    // Behind what all programs have is what a program of a technique's own reads.
+    const bool is_of_surfaces =
+        binding == join_.bindings.end() && (variable.set == kSetOfMaterials || variable.set == kSetOfProgram);
     if (is_of_surfaces ? !is_surface_variable(variable) : binding == join_.bindings.end()) {
       complain(variable, fmt::format("declares '{}', which the host did not bind", variable.name));
     } else if (is_of_surfaces) {
@@ -105,10 +107,10 @@ class Checker {
   }
 
   [[nodiscard]] bool is_surface_variable(const BoundVariable& variable) const {
-    constexpr std::array<std::string_view, 7> kNames{
+    constexpr std::array<std::string_view, 8> kNames{
         "texture_base_color", "texture_metallic_roughness", "texture_normal", "texture_occlusion", "texture_emissive",
-        "HeddleMaterials",    "HeddleSurfaceView"};
-    return join_.request->shader->kind == ShaderKind::kSurfaces &&
+        "HeddleMaterials",    "HeddleSurfaceView",          "HeddleInstances"};
+    return (join_.request->shader->kind == ShaderKind::kSurfaces || join_.request->is_vertex_stage) &&
            (variable.name.empty() || std::find(kNames.begin(), kNames.end(), variable.name) != kNames.end());
   }
 
@@ -118,7 +120,7 @@ class Checker {
     std::vector<std::string> suffixes;
     if (binding.set == kSetOfCaller) suffixes.emplace_back();
     for (const Provider& provider : join_.providers) {
-      if (binding.set == kSetOfProviders && provider.request->pass == binding.pass) suffixes.push_back(provider.suffix);
+      if (binding.set != kSetOfCaller && provider.request->pass == binding.pass) suffixes.push_back(provider.suffix);
     }
     const std::string port = glsl_name(binding.port);
     const auto is = [&](std::string_view prefix, const std::string& base) {
@@ -189,7 +191,7 @@ class Checker {
   };
   /// Whose text touches the binding: a provider's, or the caller's.
   [[nodiscard]] Author author_of(const Binding& binding, const BoundVariable& variable) const {
-    if (binding.set == kSetOfProviders && binding.kind != Binding::Kind::kSwitchTable) {
+    if (binding.set != kSetOfCaller && binding.kind != Binding::Kind::kSwitchTable) {
       for (const Provider& provider : join_.providers) {
         if (provider.request->pass == binding.pass && variable.name.ends_with(provider.suffix))
           return {provider.file.string(), describe(provider), "the function"};

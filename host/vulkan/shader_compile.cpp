@@ -183,8 +183,8 @@ std::vector<Diagnostic> diagnostics_of(const std::string& messages, const Joined
 std::string key_of(const JoinedText& join, SourceSet& sources) {
   ContentHash hash;
   hash.add(kGeneratorVersion);
-  hash.add(fmt::format("abi {}.{} kind {}", HEDDLE_ABI_MAJOR, HEDDLE_ABI_MINOR,
-                       static_cast<int>(join.request->shader->kind)));
+  hash.add(fmt::format("abi {}.{} kind {}{}", HEDDLE_ABI_MAJOR, HEDDLE_ABI_MINOR,
+                       static_cast<int>(join.request->shader->kind), join.request->is_vertex_stage ? " vertex" : ""));
   unsigned version = 0;
   unsigned revision = 0;
   shaderc_get_spv_version(&version, &revision);
@@ -210,8 +210,10 @@ CompiledShader compile_join(const JoinedText& join, const fs::path& cache_folder
   const std::string key = cache_folder.empty() ? std::string() : key_of(join, sources);
   if (auto cached = read_cache(cache_folder, key)) return std::move(*cached);
   const bool is_fragment = join.request->shader->kind != ShaderKind::kCompute;
-  Compilation compiled =
-      run_compiler(sources, join.main, is_fragment ? shaderc_fragment_shader : shaderc_compute_shader);
+  const shaderc_shader_kind kind = join.request->is_vertex_stage ? shaderc_vertex_shader
+                                   : is_fragment                 ? shaderc_fragment_shader
+                                                                 : shaderc_compute_shader;
+  Compilation compiled = run_compiler(sources, join.main, kind);
   if (!compiled.messages.empty()) throw Error(HEDDLE_BAD_INPUT, diagnostics_of(compiled.messages, join));
   CompiledShader shader;
   shader.kind = join.request->shader->kind;
@@ -304,24 +306,59 @@ CompiledShader compile(const ShaderRequest& request, const std::filesystem::path
   }
 }
 
-CompiledShader compile_with_test_caller(const Role& role, const ProviderRequest& provider,
-                                        const std::vector<const Role*>& callees,
-                                        const std::vector<std::filesystem::path>& shared_folders) {
+namespace {
+
+/// A text of the host's that calls functions of one provider.
+CompiledShader compile_caller(ShaderRequest request, std::string_view name, const Role& role,
+                              const ProviderRequest& provider, const std::string& main,
+                              const std::filesystem::path& cache_folder) {
   const Technique nobody;
   Shader caller;
-  caller.name = "test caller";
+  caller.name = name;
   caller.kind = ShaderKind::kCompute;
-  ShaderRequest request;
   request.pass = provider.pass;
   request.technique = &nobody;
   request.shader = &caller;
   request.folder = provider.folder;
+  request.roles.push_back({&role, Join::kSwitch, {provider}});
+  return shader::compile_join(shader::join(request, main), cache_folder);
+}
+
+}  // namespace
+
+CompiledShader compile_program(const Role& role, const ProviderRequest& provider,
+                               const std::filesystem::path& cache_folder,
+                               const std::vector<std::filesystem::path>& shared_folders) {
+  ShaderRequest request;
+  request.shared_folders = shared_folders;
+  request.is_vertex_stage = true;
+  return compile_caller(std::move(request), "surface program", role, provider, shader::program_main(), cache_folder);
+}
+
+CompiledShader compile_program_evaluation(const Role& role, const ProviderRequest& provider,
+                                          const std::filesystem::path& cache_folder,
+                                          const std::vector<std::filesystem::path>& shared_folders) {
+  ShaderRequest request;
+  request.shared_folders = shared_folders;
+  BoundPort evaluated;
+  evaluated.port = "evaluated";
+  evaluated.type = PortType::kBuffer;
+  evaluated.access = HEDDLE_ACCESS_STORAGE_WRITE;
+  evaluated.glsl = "HeddleVertex evaluated[];";
+  request.ports.push_back(evaluated);
+  return compile_caller(std::move(request), "evaluation of the surface program", role, provider,
+                        shader::program_evaluation_main(), cache_folder);
+}
+
+CompiledShader compile_with_test_caller(const Role& role, const ProviderRequest& provider,
+                                        const std::vector<const Role*>& callees,
+                                        const std::vector<std::filesystem::path>& shared_folders) {
+  ShaderRequest request;
   request.shared_folders = shared_folders;
   for (const Role* callee : callees) {
     if (callee->name != role.name) request.roles.push_back({callee, callee->join, {}});
   }
-  request.roles.push_back({&role, Join::kSwitch, {provider}});
-  return shader::compile_join(shader::join(request, shader::test_caller(role)), {});
+  return compile_caller(std::move(request), "test caller", role, provider, shader::test_caller(role), {});
 }
 
 }  // namespace heddle::vulkan

@@ -35,6 +35,7 @@ class Joiner {
  public:
   Joiner(const ShaderRequest& request, const std::optional<std::string>& main) : main_(main) {
     join_.request = &request;
+    if (request.is_vertex_stage) next_binding_ = kFirstOfProgram;
   }
 
   JoinedText run() {
@@ -58,6 +59,10 @@ class Joiner {
   }
 
  private:
+  [[nodiscard]] std::uint32_t set_of_providers() const {
+    return join_.request->is_vertex_stage ? kSetOfProgram : kSetOfProviders;
+  }
+
   // ---- reading and checking ----
 
   void complain(const fs::path& file, Problem problem) {
@@ -323,7 +328,7 @@ class Joiner {
       scope.technique = provider.request->technique;
       scope.ports = provider.request->ports;
       scope.suffix = provider.suffix;
-      scope.set = kSetOfProviders;
+      scope.set = set_of_providers();
       scope.first_binding = next_binding_;
       scope.first_constant = kConstantsOfProviders + static_cast<std::uint32_t>(join_.constants.size());
       Declarations declared = declare(scope);
@@ -384,12 +389,12 @@ class Joiner {
       const bool is_chosen = request.join == Join::kSwitch && count > 1 && takes_selector(role, function);
       if (is_chosen && !has_table) {
         has_table = true;
-        join_.bindings.push_back({kSetOfProviders, next_binding_, Binding::Kind::kSwitchTable, join_.request->pass, "",
-                                  role.name, HEDDLE_ACCESS_STORAGE_READ});
+        join_.bindings.push_back({set_of_providers(), next_binding_, Binding::Kind::kSwitchTable, join_.request->pass,
+                                  "", role.name, HEDDLE_ACCESS_STORAGE_READ});
         text += fmt::format(
             "layout(std430, set = {}, binding = {}) readonly buffer HeddleProviderOf_{} {{ uint provider_of_{}[]; "
             "}};\n",
-            kSetOfProviders, next_binding_++, role.name, role.name);
+            set_of_providers(), next_binding_++, role.name, role.name);
       }
       text += joined_function(request, function, providers);
     }

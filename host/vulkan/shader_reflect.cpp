@@ -125,14 +125,14 @@ class StageCount {
   StageCount(const JoinedText& join, const CompiledShader& shader) : join_(join), shader_(shader) {}
 
   void check() const {
-    const bool is_surfaces = shader_.kind == ShaderKind::kSurfaces;
+    const bool is_surfaces = shader_.kind == ShaderKind::kSurfaces || join_.request->is_vertex_stage;
     const auto is = [](VkDescriptorType type) {
       return [=](const Binding& binding) { return descriptor_type(binding) == type; };
     };
     check_one("uniform buffers", kUniformBuffersOfStage, is(VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER),
               is_surfaces ? kUniformBuffersOfProgram : 0);
     check_one("samplers", kSamplersOfStage, is(VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER),
-              is_surfaces ? kSamplersOfMaterials : 0);
+              shader_.kind == ShaderKind::kSurfaces ? kSamplersOfMaterials : 0);
     check_one("storage buffers", kStorageBuffersOfStage, is(VK_DESCRIPTOR_TYPE_STORAGE_BUFFER),
               is_surfaces ? kStorageBuffersOfProgram : 0);
   }
@@ -147,7 +147,7 @@ class StageCount {
       if (!is_counted(binding)) continue;
       ++all;
       const auto provider = std::find_if(join_.providers.begin(), join_.providers.end(), [&](const Provider& p) {
-        return binding.set == kSetOfProviders && p.request->pass == binding.pass;
+        return binding.set != kSetOfCaller && p.request->pass == binding.pass;
       });
       if (provider == join_.providers.end()) {
         ++own;
@@ -198,7 +198,6 @@ void reflect(const JoinedText& join, CompiledShader& shader) {
       const std::uint32_t set = compiler.get_decoration(resource.id, spv::DecorationDescriptorSet);
       const std::uint32_t slot = compiler.get_decoration(resource.id, spv::DecorationBinding);
       if (set == kSetOfMaterials) shader.uses_materials = true;
-      if (set == kSetOfMaterials || set == kSetOfProgram) continue;
       const auto declared = std::find_if(join.bindings.begin(), join.bindings.end(), [&](const Binding& binding) {
         return binding.set == set && binding.binding == slot;
       });
@@ -217,7 +216,7 @@ void reflect(const JoinedText& join, CompiledShader& shader) {
          fmt::format("{} bytes", shader.push_bytes), fmt::format("at most {} bytes", kPushBytes),
          "use a parameter or a value port");
   }
-  if (shader.kind == ShaderKind::kCompute) {
+  if (shader.kind == ShaderKind::kCompute && !join.request->is_vertex_stage) {
     for (std::uint32_t i = 0; i < 3; ++i) {
       shader.local_size.at(i) = compiler.get_execution_mode_argument(spv::ExecutionModeLocalSize, i);
     }

@@ -13,7 +13,7 @@
 
 namespace heddle::vulkan::shader {
 
-inline constexpr std::uint32_t kSetOfCaller = 0, kSetOfProviders = 1, kSetOfMaterials = 2, kSetOfProgram = 3;
+inline constexpr std::uint32_t kSetOfCaller = 0, kSetOfProviders = 1, kSetOfMaterials = 2, kSetOfProgram = kProgramSet;
 inline constexpr std::uint32_t kBindingOfMaterials = 2, kBindingOfView = 3;  // in kSetOfProgram
 /// Bytes of push constants that a shader may declare (plugin.h).
 inline constexpr std::uint32_t kPushBytes = 64;
@@ -128,6 +128,12 @@ void reflect(const JoinedText& join, CompiledShader& shader);
 /// Refuses code that touches what its descriptor does not declare, and bindings that the host did not write: throws
 /// Error(HEDDLE_BAD_INPUT) with every such binding. What is declared and never touched is no mistake.
 void check_accesses(const JoinedText& join, std::span<const std::uint32_t> words);
+
+// ---- surface_program.cpp ----
+
+/// What calls a technique's own program: a vertex stage, and a compute shader.
+std::string program_main();
+std::string program_evaluation_main();
 
 // ---- shader_compile.cpp ----
 

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// The program of meshes: HeddleVertex and HeddleInstance -> the block `surface` that every surface shader reads, and
-// the fragment shader of depth-only drawings of alpha-masked materials.
+// Vertices of meshes, or of a technique's own program, and HeddleInstance -> the block `surface` that every surface
+// shader reads; and the fragment shader of depth-only drawings of alpha-masked materials.
 #include "vulkan/shader_source.hpp"
+
+#include <fmt/format.h>
 
 namespace heddle::vulkan {
 namespace {
 
-constexpr std::string_view kVertex = R"(#version 460
-#include <heddle/records.h>
-layout(std430, set = 3, binding = 0) readonly buffer HeddleVertices { HeddleVertex vertices[]; };
+// Set 3 of all programs but their vertices, and what fragments read.
+constexpr std::string_view kVertexHead = R"(
 layout(std430, set = 3, binding = 1) readonly buffer HeddleInstances { HeddleInstance instances[]; };
 layout(std140, set = 3, binding = 3) uniform HeddleSurfaceView { HeddleView view; };
 
@@ -31,11 +32,7 @@ vec3 unit(vec3 v) {
   return largest > 0.0 ? normalize(v / largest) : vec3(0.0);
 }
 
-void main() {
-  HeddleVertex vertex = vertices[gl_VertexIndex];
-  HeddleInstance instance = instances[gl_InstanceIndex];
-  // What bends has its last shape elsewhere in the same buffer; for all else this is the same vertex.
-  vec3 previous_position = vertices[uint(gl_VertexIndex) + instance.previous_vertex].position;
+void show(HeddleVertex vertex, vec3 previous_position, HeddleInstance instance) {
   precise vec4 position_rel = instance.rel_from_object * vec4(vertex.position, 1.0);
   precise vec4 previous_rel = instance.previous_rel_from_object * vec4(previous_position, 1.0);
   gl_Position = view.clip_from_rel * vec4(position_rel.xyz, 1.0);
@@ -61,6 +58,37 @@ void main() {
 }
 )";
 
+constexpr std::string_view kMeshVertices = R"(#version 460
+#include <heddle/records.h>
+layout(std430, set = 3, binding = 0) readonly buffer HeddleVertices { HeddleVertex vertices[]; };
+)";
+constexpr std::string_view kMeshMain = R"(
+void main() {
+  HeddleInstance instance = instances[gl_InstanceIndex];
+  // What bends has its last shape elsewhere in the same buffer; for all else this is the same vertex.
+  show(vertices[gl_VertexIndex], vertices[uint(gl_VertexIndex) + instance.previous_vertex].position, instance);
+}
+)";
+
+constexpr std::string_view kProgramMain = R"(
+void main() {
+  vec3 previous_position;
+  HeddleVertex vertex = surface_vertex(uint(gl_VertexIndex), previous_position);
+  show(vertex, previous_position, instances[gl_InstanceIndex]);
+}
+)";
+
+constexpr std::string_view kEvaluationMain = R"(
+layout(local_size_x = 64) in;
+layout(push_constant) uniform Push { uint count; } push;
+void main() {
+  uint index = gl_GlobalInvocationID.x;
+  if (index >= push.count) return;
+  vec3 previous_position;
+  evaluated[index] = surface_vertex(index, previous_position);
+}
+)";
+
 // Holes must be where a technique's own fragment shader leaves them: the same lookup, product and comparison.
 constexpr std::string_view kMaskedMain = R"(
 void main() {
@@ -83,10 +111,24 @@ void main() {
 
 }  // namespace
 
+namespace shader {
+
+std::string program_main() {
+  const std::string include = fmt::format("#include \"role/{}.glsl\"\n", kProgramRole);
+  return include + std::string(kVertexHead) + std::string(kProgramMain);
+}
+
+std::string program_evaluation_main() {
+  return fmt::format("#include \"role/{}.glsl\"\n", kProgramRole) + std::string(kEvaluationMain);
+}
+
+}  // namespace shader
+
 SurfaceProgram mesh_program(const std::filesystem::path& cache_folder,
                             const std::vector<std::filesystem::path>& shared_folders) {
   SurfaceProgram program;
-  program.vertex = shader::compile_own("mesh.vert", kVertex, cache_folder, shared_folders);
+  const std::string vertex = std::string(kMeshVertices) + std::string(kVertexHead) + std::string(kMeshMain);
+  program.vertex = shader::compile_own("mesh.vert", vertex, cache_folder, shared_folders);
   const std::string masked = "#version 460\n#include <heddle/records.h>\n" +
                              shader::declare_kind(ShaderKind::kSurfaces) + std::string(kMaskedMain);
   program.masked_fragment = shader::compile_own("mesh.frag", masked, cache_folder, shared_folders);

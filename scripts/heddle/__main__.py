@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in
-Python; `python3 -m heddle study ...`: experiments.
+"""`python3 -m heddle run|view|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in
+Python; `python3 -m heddle study ...`: experiments; `python3 -m heddle reproduce ...`: a point of one made again.
 
 A scene file defines `build(scene)`, called with an empty heddle.Scene, and if things move `update(scene, time)`.
 """
@@ -17,7 +17,7 @@ import statistics
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from time import sleep, time_ns
 
 from . import Error, Graph, Host, Job, Scene, version
@@ -27,9 +27,9 @@ from ._library import CANCELLED
 Update = Callable[[Scene, float], None]
 
 
-def load_scene(scene: Scene, file: str, trusted: bool = False) -> Update:
-    """Runs build(scene) of a Python file, or loads a glTF file. Returns what moves the scene to a time: the Python
-    file's update(scene, time), if it has one."""
+def load_scene(scene: Scene, file: str, trusted: bool = False, arguments: Mapping[str, object] | None = None) -> Update:
+    """Runs build(scene, **arguments) of a Python file, or loads a glTF file. Returns what moves the scene to a time: the
+    Python file's update(scene, time), if it has one."""
     if not file.endswith(".py"):
         scene.load(file, trusted)
         return stays
@@ -53,9 +53,10 @@ def load_scene(scene: Scene, file: str, trusted: bool = False) -> Update:
         raise Error(2, f"{path}: error: the scene has no function build(scene)")
     try:
         with scene_code():
-            module.build(scene)
+            module.build(scene, **(arguments or {}))
     except (Exception, SystemExit) as error:
-        raise scene_error(path, "build(scene)", error) from error
+        given = ", ".join(["scene", *[f"{key}={value!r}" for key, value in (arguments or {}).items()]])
+        raise scene_error(path, f"build({given})", error) from error
 
     def update(moved: Scene, time: float) -> None:
         try:
@@ -147,11 +148,20 @@ _host: Host | None = None
 _is_asked = False
 
 
-def open_host(arguments: argparse.Namespace, check: bool = False) -> Host:
+def open_host(arguments: argparse.Namespace, check: bool = False, tell: Callable[[int, str], None] | None = None,
+              progress: Callable[[str, float], object] | None = None) -> Host:
+    """tell: is told what the host says, too."""
     global _host
-    # As the command does: information too, such as how far long work has come.
-    log = None if arguments.quiet else lambda _severity, text: print(text, file=sys.stderr)
-    _host = Host(arguments.device, arguments.validation, arguments.plugins, log=log, check=check,
+
+    def log(severity: int, text: str) -> None:
+        # As the command does: information too, such as how far long work has come.
+        if not arguments.quiet or severity < 2:
+            print(text, file=sys.stderr)
+        if tell is not None:
+            tell(severity, text)
+
+    _host = Host(arguments.device, arguments.validation, arguments.plugins, check=check, progress=progress,
+                 log=None if arguments.quiet and tell is None else log,
                  remake=getattr(arguments, "remake", False), live=getattr(arguments, "live", False))
     return _host
 
@@ -275,6 +285,39 @@ def run(arguments: argparse.Namespace) -> int:
             watch(arguments, host, graph, scene_file, render)
         else:
             render(*make_scene(arguments, host, scene_file))
+    return 0
+
+
+def view(arguments: argparse.Namespace) -> int:
+    from .view import show
+
+    graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    graph_file = graph_file or default_graph(arguments)
+    settings = [list(arguments.set), list(arguments.set)]
+    if arguments.swap is not None:
+        name, techniques = (arguments.swap.split("=", 1) + [""])[:2]
+        if techniques.count(",") != 1:
+            raise Error(2, f"error: --swap '{arguments.swap}' is not PASS=A,B\n  help:     --swap ao=gtao,ray_traced")
+        for of, technique in zip(settings, techniques.split(",")):
+            of.append(f"{name}.technique={technique}")
+    settings[1] += arguments.set_b
+    has_b = arguments.swap is not None or arguments.b is not None or bool(arguments.set_b)
+    size = (0, 0)
+    if arguments.window is not None:
+        match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", arguments.window)
+        size = (int(match[1]), int(match[2])) if match else size
+        if not (320 <= size[0] <= 16384 and 240 <= size[1] <= 16384):
+            raise Error(2, f"error: --window '{arguments.window}' is no size of a window\n  expected: WIDTHxHEIGHT in "
+                           "pixels, from 320x240 to 16384x16384")
+
+    def scene_files(scene: Scene) -> list[str]:
+        named = [str(file) for file in (scene_path(scene_file), arguments.environment, *arguments.overlay) if file]
+        return sorted({*named, *scene.files(), *imported_files(scene_file)})
+
+    show(lambda tell, progress: open_host(arguments, tell=tell, progress=progress),
+         lambda host: make_scene(arguments, host, scene_file), scene_files, lambda: _is_asked,
+         [graph_file, (arguments.b or graph_file) if has_b else None], settings, size, arguments.time,
+         arguments.time_step, arguments.seed, arguments.script)
     return 0
 
 
@@ -597,6 +640,24 @@ def study(arguments: argparse.Namespace) -> int:
     return run_study(arguments, stop_if_asked)
 
 
+def tune(arguments: argparse.Namespace) -> int:
+    from .tune import tune as tune_graph
+
+    return tune_graph(arguments, stop_if_asked)
+
+
+def baseline(arguments: argparse.Namespace) -> int:
+    from .baseline import baseline as keep_or_check
+
+    return keep_or_check(arguments, stop_if_asked)
+
+
+def reproduce(arguments: argparse.Namespace) -> int:
+    from .reproduce import reproduce as body
+
+    return body(arguments, stop_if_asked)
+
+
 def say(arguments: argparse.Namespace, text: str) -> None:
     if not arguments.quiet:
         print(text, file=sys.stderr)
@@ -607,6 +668,7 @@ def main() -> int:
     parser.add_argument("--version", action="version", version=f"heddle {version()}")
     commands = parser.add_subparsers(dest="command", required=True)
     for name, body, text in (("run", run, "render a scene through a graph and write images"),
+                             ("view", view, "a window: fly, compare two variants, move every parameter"),
                              ("check", check, "prove that a graph does what it declares"),
                              ("explain", explain, "say what the graph compiler decided for a scene and why"),
                              ("inspect", inspect, "say what every image port holds at a pixel"),
@@ -644,6 +706,17 @@ def main() -> int:
             command.add_argument("--remake", action="store_true", help="make artifacts that the cache holds again")
             command.add_argument("--check", action="store_true",
                                  help="prove barriers and search outputs for NaN, Inf and values out of range")
+        elif name == "view":
+            command.add_argument("--swap", help="PASS=A,B: show technique A against technique B")
+            command.add_argument("--b", help="show this graph against the first")
+            command.add_argument("--set-b", action="append", default=[],
+                                 help="show the graph against itself with this setting, as of --set")
+            command.add_argument("--time-step", type=float, default=1 / 60, help="seconds from frame to frame, while it plays")
+            command.add_argument("--window", help="WIDTHxHEIGHT in pixels (default: the picture in its own size, beside the panel)")
+            command.add_argument("--script", help="file with what mouse and keys do, a command a line: wait, pause, click, "
+                                                  "slide, type, key, drag, screenshot, state, quit")
+            command.add_argument("--live", action="store_true",
+                                 help="wait for no frame before the next one; bytes may differ from run to run")
         elif name == "check":
             command.add_argument("--port", action="append", default=[], help="compare this port too, PASS.PORT")
             command.add_argument("--frames", type=int, default=3)
@@ -668,17 +741,79 @@ def main() -> int:
     command.add_argument("files", nargs="*", help="a study (.toml), or the name of a shipped one; with --role: scenes")
     command.add_argument("--role", help="study all techniques of this role over all their knobs, without a file")
     command.add_argument("--set", action="append", default=[], help="with --role: change the graph: extent=[320,180]")
+    command.add_argument("--climb", choices=("together", "each"), default="together",
+                         help="with --role: a technique's ladders together, or each on its own (default: together)")
+    command.add_argument("--scene", action="append", default=[], help="instead of the file's scenes: a model of your own, "
+                                                                      "for instance; repeatable")
     command.add_argument("--folder", help="where results go (default: out/NAME of the study)")
     command.add_argument("--device", help="part of a device's name, or its index")
     command.add_argument("--rounds", type=int, help="instead of the file's: more rounds see smaller differences")
     command.add_argument("--budget", type=float, help="minutes; a study that would take longer says so and ends before it "
                                                       "times anything")
+    command.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, whose workers do the work; local: workers "
+                                                              "of this machine alone")
     command.add_argument("--timeout", type=float, default=300, help="seconds after which a variant that does not answer "
                                                                     "counts as hung")
     command.add_argument("--dry-run", action="store_true", help="check the file, say what would be measured, render nothing")
     command.add_argument("--gate", action="store_true", help="exit status 1 if anything is worse than the first variant or was "
                                                              "lost, 2 if undecided, else 0; 4 if there are no verdicts, "
                                                              "because of a mistake in the file, for instance")
+    command.add_argument("--quiet", "-q", action="store_true")
+    command = commands.add_parser("tune", allow_abbrev=False, help="choose knobs within a budget of time or of error, and write "
+                                                                   "them as a graph that extends this one")
+    command.set_defaults(body=tune)
+    command.add_argument("files", nargs="*", help="a graph and a scene (.py, .glb, .gltf, .scene.toml), in any order")
+    command.add_argument("--budget", help="frame time with its unit, 4ms: the least error within it")
+    command.add_argument("--error", help="METRIC=NUMBER, flip=0.02: the least time within it")
+    command.add_argument("--metric", help="with --budget: which error is least (default: flip)")
+    command.add_argument("--port", help="the image that is compared (default: the graph's output)")
+    command.add_argument("--pass", dest="passes", action="append", default=[], help="tune this pass alone; repeatable (default: "
+                                                                                    "all that have knobs)")
+    command.add_argument("--techniques", action="store_true", help="other techniques of the passes' roles too")
+    command.add_argument("--set", action="append", default=[], help="change the graph, and what is written: extent=[320,180]")
+    command.add_argument("--reference-set", action="append", default=[], help="change what is taken for true: "
+                                                                              "ao.technique=ray_traced")
+    command.add_argument("--parts", type=int, default=1, help="renderings of what is true, with seeds of their own (default: 1)")
+    command.add_argument("--overlay", action="append", default=[], help="a .scene.toml with changes to the scene")
+    command.add_argument("--camera", action="append", default=[], help="choose in this camera; repeatable (default: the scene's)")
+    command.add_argument("--time", type=float, action="append", default=[], help="choose at this time, seconds; repeatable")
+    command.add_argument("--check-camera", action="append", default=[], help="check in this camera; repeatable (default: all others)")
+    command.add_argument("--check-time", type=float, action="append", default=[], help="check at this time, seconds; repeatable")
+    command.add_argument("--output", "-o", help="the graph that is written (default: FOLDER/tuned.toml)")
+    command.add_argument("--folder", help="where measurements are kept (default: out/tune)")
+    command.add_argument("--rounds", type=int, default=9, help="of turns; more see smaller differences (default: 9)")
+    command.add_argument("--frames", type=int, default=2, help="timed in a turn (default: 2)")
+    command.add_argument("--settle", type=int, default=1, help="frames before an image is read (default: 1)")
+    command.add_argument("--minutes", type=float, default=30, help="what would take longer says so and ends (default: 30)")
+    command.add_argument("--timeout", type=float, default=300, help="seconds after which a process that does not answer is hung")
+    command.add_argument("--device", help="part of a device's name, or its index")
+    command.add_argument("--dry-run", action="store_true", help="say which settings would be measured")
+    command.add_argument("--quiet", "-q", action="store_true")
+    command = commands.add_parser("baseline", allow_abbrev=False, help="keep error, counters and bytes of every technique, or "
+                                                                       "say what has changed since")
+    command.set_defaults(body=baseline)
+    command.add_argument("action", choices=("record", "check"), help="keep what is now; or compare with what was kept: exit "
+                                                                     "status 1 if anything differs")
+    command.add_argument("files", nargs="*", help="ROLE or ROLE/TECHNIQUE (default: all)")
+    command.add_argument("--folder", help="where baselines are kept, a folder a machine and driver (default: tests/baselines of "
+                                          "the repository, else baselines)")
+    command.add_argument("--tolerance", type=float, default=0.0, help="relative difference of errors that is none (default: 0, "
+                                                                      "equal bytes make equal errors)")
+    command.add_argument("--timeout", type=float, default=300, help="seconds after which a process that does not answer is hung")
+    command.add_argument("--device", help="part of a device's name, or its index")
+    command.add_argument("--quiet", "-q", action="store_true")
+    command = commands.add_parser("reproduce", allow_abbrev=False, help="make a point of a study's report again, and say whether it "
+                                                                       "is the same")
+    command.set_defaults(body=reproduce)
+    command.add_argument("file", help="report.html of a study")
+    command.add_argument("row", nargs="+", help="a row's number in the page, or a point's name and, where it is not clear, the "
+                                                "scene's")
+    command.add_argument("--output", "-o", help="write the image, too")
+    command.add_argument("--no-times", action="store_true", help="compare the image alone")
+    command.add_argument("--rounds", type=int, help="instead of the study's: more rounds see smaller differences")
+    command.add_argument("--device", help="part of a device's name, or its index; else the study's")
+    command.add_argument("--timeout", type=float, default=300, help="seconds after which a renderer that does not answer counts "
+                                                                    "as hung")
     command.add_argument("--quiet", "-q", action="store_true")
     # Files and pixels may stand behind options too, where argparse leaves them over.
     try:
@@ -690,7 +825,10 @@ def main() -> int:
         if ended.code == 2 and "--gate" in sys.argv[2:] and sys.argv[1] == "study":
             return 4
         raise
-    arguments.files += words
+    if words and not hasattr(arguments, "files"):
+        parser.error(f"unrecognized arguments: {' '.join(words)}")
+    if words:
+        arguments.files += words
     for option in ("environment_scale", "environment_rotation"):
         if getattr(arguments, option, None) is not None and arguments.environment is None:
             parser.error(f"--{option.replace('_', '-')} requires --environment")

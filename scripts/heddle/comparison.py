@@ -55,6 +55,13 @@ def error_image(a: ArrayLike, b: ArrayLike, metric: str, *, pixels_per_degree: f
     return _compare(a, b, metric, True, pixels_per_degree, exposures, tone_mapper, threads)[1]
 
 
+def compare_with_map(a: ArrayLike, b: ArrayLike, metric: str, *, exposures: tuple[float, float, int] | None = None,
+                     tone_mapper: str = "aces") -> tuple[dict, NDArray[np.float32]]:
+    """What compare(a, b, [metric])[metric] and error_image(a, b, metric) say, of one run, which takes half the time."""
+    described, map = _compare(a, b, metric, True, None, exposures, tone_mapper, 0)
+    return described["metrics"][metric], map
+
+
 def _compare(a: ArrayLike, b: ArrayLike, metric: str | Sequence[str] | None, is_map_wanted: bool,
              pixels_per_degree: float | None, exposures: tuple[float, float, int] | None, tone_mapper: str,
              threads: int) -> tuple[dict, Any]:

@@ -246,6 +246,17 @@ class Host(_Object):
         graph._raw = None  # the handle is the job's now
         return Job(handle, self)
 
+    def parse(self, text: str, name: str = "text", folder: str | pathlib.Path = "", settings: Sequence[str] = ()) -> Graph:
+        """A graph from TOML text, which errors call `name`; files that it names are looked for in `folder`.
+
+        raises: Error
+        """
+        texts = (ctypes.c_char_p * max(len(settings), 1))(*[setting.encode() for setting in settings])
+        handle = ctypes.c_void_p()
+        self._check(_heddle.heddle_graph_parse(self._handle, text.encode(), name.encode(), str(folder).encode(), texts,
+                                               len(settings), ctypes.byref(handle)))
+        return Graph(handle, self)
+
     def read_image(self, file: str | pathlib.Path) -> NDArray[np.float32]:
         """float32 (height, width, channels); values of 8-bit files are 0..1 as stored."""
         image = c.Image(ctypes.sizeof(c.Image))
@@ -436,12 +447,17 @@ class Scene(_Object):
     def camera(self, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
                up: Sequence[float] = (0, 1, 0), near: float = 0.05, use: bool = True, name: str | None = None) -> int:
         """A perspective camera that looks at a point. vertical_angle in radians. Returns the id."""
-        camera = c.Camera(ctypes.sizeof(c.Camera), 0, (ctypes.c_double * 3)(*position),
-                          (ctypes.c_double * 4)(*_look_rotation(position, target, up)), vertical_angle, 0.0, near, 0.0)
+        camera = _camera(position, target, vertical_angle, up, near)
         index = self._add(_heddle.heddle_scene_add_camera, name, ctypes.byref(camera))
         if use:
             self.use_camera(index)
         return index
+
+    def move_camera(self, camera: int, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
+                    up: Sequence[float] = (0, 1, 0), near: float = 0.05) -> None:
+        """Changes a camera, all of it, as `camera` makes one; it keeps its id and name."""
+        made = _camera(position, target, vertical_angle, up, near)
+        self._check(_heddle.heddle_scene_set_camera(self._handle, camera, ctypes.byref(made)))
 
     def set_environment(self, pixels: ArrayLike | None, scale: float = 1.0, angle: float = 0.0,
                         rotation: Sequence[float] | None = None) -> None:
@@ -827,6 +843,12 @@ def _matrix(transform: ArrayLike | None) -> Any:
     if matrix.shape != (4, 4):
         raise Error(2, f"error: a transform has shape {matrix.shape}: expected (4, 4)")
     return (ctypes.c_double * 16)(*matrix.T.reshape(-1))  # C wants columns
+
+
+def _camera(position: Sequence[float], target: Sequence[float], vertical_angle: float, up: Sequence[float],
+            near: float) -> c.Camera:
+    return c.Camera(ctypes.sizeof(c.Camera), 0, (ctypes.c_double * 3)(*position),
+                    (ctypes.c_double * 4)(*_look_rotation(position, target, up)), vertical_angle, 0.0, near, 0.0)
 
 
 def _look_rotation(position: Sequence[float], target: Sequence[float],

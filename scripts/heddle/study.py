@@ -6,10 +6,11 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import itertools
+import json
 import pathlib
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from . import Error, Host, metrics
@@ -25,10 +26,12 @@ class SceneChoice:
     time: float
     overlays: tuple[str, ...]
     where: str = ""  # its file:line:column in the study
+    arguments: tuple[tuple[str, Any], ...] = ()  # of a Python scene's build()
 
     @property
     def name(self) -> str:
-        words = [pathlib.Path(self.file).stem, *[pathlib.Path(o).stem for o in self.overlays]]
+        words = [pathlib.Path(self.file).stem, *[f"{key}={value}" for key, value in self.arguments],
+                 *[pathlib.Path(o).stem for o in self.overlays]]
         words += [self.camera] if self.camera is not None else []
         return " ".join(words + ([f"{self.time:g} s"] if self.time else []))
 
@@ -52,6 +55,7 @@ class Reference:
     graph: str
     settings: tuple[str, ...]
     parts: int  # independent renderings, by their seeds
+    files: tuple[str, ...] = ()  # images of the scenes instead of renderings
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,6 +77,10 @@ class Study:
     exposures: tuple[float, float, int] | None
     tone_mapper: str
     seed: int
+    function_image: str | None = None  # the technique of that role which makes `port`, in graphs that are not timed
+    leave_one_out: tuple[str, ...] = ()  # variants of whose first point each pass is left out in turn
+    chart_pass: str | None = None  # whose own time the chart shows beside the frame's; None: pass_name
+    extents: tuple[tuple[int, int], ...] = ()  # at which points are timed as well, for the cost model
 
 
 # What a table may hold: the types of its values, in words for errors.
@@ -82,10 +90,14 @@ STUDY_KEYS = {
     "title": TEXT, "graph": TEXT, "set": TEXTS, "role": TEXT, "pass": TEXT, "port": TEXT, "metrics": TEXTS, "rounds": WHOLE,
     "frames": WHOLE, "settle": WHOLE, "resolution": NUMBER, "error_resolution": NUMBER, "budget_minutes": NUMBER,
     "exposures": NUMBERS, "tone_mapper": TEXT, "seed": WHOLE, "scene": TABLES, "variant": TABLES, "reference": TABLE,
+    "leave_one_out": TEXTS, "extents": ANY, "chart_pass": TEXT,
 }
-SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "times": NUMBERS, "overlays": TEXTS}
-VARIANT_KEYS = {"name": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "knobs": ANY}
-REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE}
+SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "times": NUMBERS, "overlays": TEXTS,
+              "arguments": TABLE}
+VARIANT_KEYS = {"name": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "knobs": ANY, "climb": TEXT}
+CLIMBS = ("together", "each")  # how a variant's ladders are: the i-th values of all, or one with the others as they stand
+FUNCTION_PORT = "measured_function.image"  # of the pass that a study adds where a role's technique makes no image itself
+REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE, "file": TEXT}
 
 
 class Places:
@@ -94,6 +106,7 @@ class Places:
     def __init__(self, file: str, text: str):
         self.file = file
         self._places: dict[tuple, tuple[int, int]] = {}
+        self._instead: dict[str, str] = {}
         table: tuple = ()
         counts: dict[str, int] = {}
         for number, line in enumerate(text.splitlines(), 1):
@@ -108,8 +121,17 @@ class Places:
             elif key := re.match(r"\s*\"?([\w\-]+)\"?(?:\.[\w\-.]+)?\s*=", line):
                 self._places.setdefault((*table, key[1]), (number, key.start(1) + 1))
 
+    def without(self, name: str, instead: str) -> Places:
+        """The same, where the tables of a name were given otherwise: on the command line, for instance."""
+        found = Places(self.file, "")
+        found._places = {path: place for path, place in self._places.items() if path[0] != name}
+        found._instead = self._instead | {name: instead}
+        return found
+
     def where(self, path: tuple) -> str:
         """file:line:column of a path, or of what it stands in."""
+        if path and path[0] in self._instead:
+            return self._instead[path[0]]
         place = next((self._places[path[:n]] for n in range(len(path), 0, -1) if path[:n] in self._places), None)
         return f"{self.file}:{place[0]}:{place[1]}" if place else self.file
 
@@ -126,7 +148,8 @@ class Reader:
         self.host, self.places, self.folder = host, places, folder
         self.errors: list[str] = []
         self.is_pass_known = True  # else that was said, and is not said again of each variant
-        self._cameras: dict[tuple[str, ...], list[str] | None] = {}
+        self._cameras: dict[tuple, list[str] | None] = {}
+        self.extent: tuple[str, list[int]] | None = None  # of the first variant, and its name
         listed = host.list()
         self.roles = {role["name"]: role for role in listed["roles"]}
         self.techniques = {(each["role"], each["name"]): each for each in listed["techniques"]}
@@ -159,14 +182,14 @@ class Reader:
             return default
         return value
 
-    def cameras(self, path: tuple, file: str, overlays: tuple[str, ...]) -> list[str] | None:
+    def cameras(self, path: tuple, file: str, overlays: tuple[str, ...], arguments: Mapping[str, Any]) -> list[str] | None:
         """Of a scene, which must be loaded for that; None and a mistake at `path` if it cannot be."""
-        key = (file, *overlays)
+        key = (file, *overlays, *arguments.items())
         if key not in self._cameras:
             self._cameras[key] = None
             try:
                 with self.host.scene() as scene:
-                    load_scene(scene, file)
+                    load_scene(scene, file, arguments=arguments)
                     for overlay in overlays:
                         scene.load(overlay)
                     self._cameras[key] = scene.describe().get("cameras", [])
@@ -195,8 +218,8 @@ def is_number(value: Any) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and -1e300 < value < 1e300
 
 
-def read(host: Host, file: str) -> Study:
-    """A study of a file. raises: Error with all mistakes, each at its line"""
+def read(host: Host, file: str, scenes: Iterable[str] = ()) -> Study:
+    """A study of a file, on other scenes than its own if there are some. raises: Error with all mistakes, each at its line"""
     path = pathlib.Path(file)
     shipped = pathlib.Path(__file__).resolve().parents[1] / "studies" / (path.name if path.suffix else f"{path.name}.toml")
     if not path.exists() and shipped.exists():
@@ -212,7 +235,11 @@ def read(host: Host, file: str) -> Study:
         place = re.search(r"\(at line (\d+), column (\d+)\)", str(error))
         where = f"{path}:{place[1]}:{place[2]}" if place else str(path)
         raise Error(2, f"{where}: error: this is no TOML: {re.sub(r' *[(]at .*', '', str(error))}") from error
-    return understand(host, written, Places(str(path), text), path.stem, path.parent)
+    places = Places(str(path), text)
+    if given := list(scenes):
+        written["scene"] = [{"file": str(pathlib.Path(each).resolve()) if pathlib.Path(each).exists() else each} for each in given]
+        places = places.without("scene", "--scene")
+    return understand(host, written, places, path.stem, path.parent)
 
 
 def reads_a_job(technique: dict[str, Any]) -> bool:
@@ -221,7 +248,7 @@ def reads_a_job(technique: dict[str, Any]) -> bool:
                for port in technique["ports"])
 
 
-def of_role(host: Host, role: str, scenes: list[str], settings: list[str]) -> Study:
+def of_role(host: Host, role: str, scenes: list[str], settings: list[str], climb: str = "together") -> Study:
     """A study of all techniques of a role but those that read what a job has left, over all their knobs, that nobody
     wrote."""
     reader = Reader(host, Places("--role", ""), pathlib.Path())
@@ -230,7 +257,7 @@ def of_role(host: Host, role: str, scenes: list[str], settings: list[str]) -> St
         raise Error(2, "\n".join(reader.errors))
     names = sorted(name for (of, name), each in reader.techniques.items() if of == role and not reads_a_job(each))
     written = {"title": f"All techniques of {role}", "role": role, "set": settings, "scene": [{"file": s} for s in scenes],
-               "variant": [{"name": name, "technique": name, "knobs": "all"} for name in names]}
+               "variant": [{"name": name, "technique": name, "knobs": "all", "climb": climb} for name in names]}
     return understand(host, written, Places("--role", ""), role, pathlib.Path())
 
 
@@ -271,17 +298,45 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
         reader.unknown(("tone_mapper",), "tone mapper", tone_mapper, ("aces", "hable", "reinhard"))
     scenes = read_scenes(reader, table.get("scene", []))
     points = read_variants(reader, table.get("variant", []), graph, settings, role, pass_name, port)
-    reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name)
+    reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name, scenes)
+    if passes and table.get("chart_pass") not in (None, *passes):
+        reader.unknown(("chart_pass",), "pass", table["chart_pass"], passes)
+    leave_one_out, extents = read_more(reader, table, points, graph, settings)
     study = Study(
         name, table.get("title", name), port or "", pass_name, scenes, points, reference, wanted,
         rounds=reader.number(table, "rounds", 15, 7, 1000), frames=reader.number(table, "frames", 3, 1, 1000),
         settle=reader.number(table, "settle", 1, 1, 10000), resolution=reader.number(table, "resolution", 0.02, 1e-4, 1),
         error_resolution=reader.number(table, "error_resolution", 0.02, 1e-4, 1),
         budget_minutes=reader.number(table, "budget_minutes", 30, 0, 1e6), exposures=exposures, tone_mapper=tone_mapper,
-        seed=reader.number(table, "seed", 0, 0, 2**31))
+        seed=reader.number(table, "seed", 0, 0, 2**31), leave_one_out=leave_one_out,
+        chart_pass=table.get("chart_pass"), extents=extents,
+        function_image=role if port == FUNCTION_PORT else None)
     if reader.errors:
         raise Error(2, "\n".join(reader.errors))
     return study
+
+
+def read_more(reader: Reader, table: Mapping[str, Any], points: tuple[Point, ...], graph: str,
+              settings: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[tuple[int, int], ...]]:
+    """(variants whose passes are left out in turn: the first if nothing is said; extents that are timed as well)."""
+    variants = list(dict.fromkeys(point.variant for point in points))
+    chosen = table.get("leave_one_out", variants[:1])
+    for name in chosen:
+        if points and name not in variants:
+            reader.unknown(("leave_one_out",), "variant", name, variants)
+    extents = table.get("extents", [])
+    if not isinstance(extents, list) or not all(is_of(each, NUMBERS) and len(each) == 2 and all(
+            isinstance(n, int) and 1 <= n <= 16384 for n in each) for each in extents):
+        reader.fail(("extents",), "'extents' are pairs of pixels", found=f"extents = {extents!r}",
+                    expected="[[160, 90], [640, 360]], 1 to 16384 each")
+        extents = []
+    for extent in extents if not reader.errors else []:
+        load(reader, ("extents",), graph, (*settings, extent_setting(extent)))
+    return tuple(dict.fromkeys(chosen)), tuple(dict.fromkeys((each[0], each[1]) for each in extents))
+
+
+def extent_setting(extent: Iterable[int]) -> str:
+    return f"extent=[{','.join(map(str, extent))}]"
 
 
 def load(reader: Reader, path: tuple, graph: str, settings: Iterable[str]) -> dict[str, Any]:
@@ -292,6 +347,22 @@ def load(reader: Reader, path: tuple, graph: str, settings: Iterable[str]) -> di
     except Error as error:
         reader.fail(path, "the graph does not take these settings:\n    " + str(error).replace("\n", "\n    "))
         return {}
+
+
+def load_function_image(reader: Reader, path: tuple, graph: str, settings: Iterable[str], role: str,
+                        pass_name: str | None) -> None:
+    """A mistake at `path` if the graph with the pass that makes the image cannot be."""
+    try:
+        adds = with_function_image(reader.host, graph, settings, role, pass_name)
+        reader.host.parse(extended(absolute(graph), adds), f"{graph} with function_image/{role}", "", list(settings)).close()
+    except Error as error:
+        reader.fail(path, f"no image can be made of what role '{role}' answers there:\n    "
+                    + str(error).replace("\n", "\n    "))
+
+
+def absolute(graph: str) -> str:
+    """A file's whole path; what comes with Heddle goes by its name."""
+    return str(pathlib.Path(graph).absolute()) if pathlib.Path(graph).is_file() else graph
 
 
 def choose_pass(reader: Reader, table: Mapping[str, Any], passes: Mapping[str, Any]) -> tuple[str | None, str | None]:
@@ -308,6 +379,8 @@ def choose_pass(reader: Reader, table: Mapping[str, Any], passes: Mapping[str, A
     if role is None or not passes:
         return role, None
     found = [each["name"] for each in passes.values() if each["role"] == role]
+    if role in found:  # of several the one that nobody gave another name
+        return role, role
     if len(found) != 1:
         reader.fail(("role",), f"the graph has {len(found)} passes of role '{role}'", found=", ".join(found),
                     expected="'pass' says which" if found else "a graph with such a pass: 'graph' says which")
@@ -326,11 +399,30 @@ def choose_port(reader: Reader, table: Mapping[str, Any], role: str | None, pass
     if role is None:
         return described.get("output"), None
     measure = reader.roles[role].get("measure") or {}
+    if measure.get("kind") == "function_image" and ("function_image", role) in reader.techniques:
+        return FUNCTION_PORT, measure.get("metric") or None
     if measure.get("kind") != "image":
         reader.fail(("role",), f"what role '{role}' makes is no image that could be compared as it is",
                     expected="'port' says which image is compared: display.color, for instance")
         return None, None
     return f"{pass_name}.{measure['port']}" if pass_name else None, measure.get("metric")
+
+
+def function_pass(technique: str, role: str, asked: str | None) -> str:
+    """TOML of a pass that makes an image of what one pass answers, `asked`, or of the neutral body."""
+    return (f'[[pass]]\nname = "{FUNCTION_PORT.split(".")[0]}"\nrole = "function_image"\ntechnique = "{technique}"\n'
+            f"functions.{role} = [{json.dumps(asked) if asked is not None else ''}]\n")
+
+
+def with_function_image(host: Host, graph: str, settings: Iterable[str], technique: str, pass_name: str | None) -> str:
+    """What a graph needs at its end for FUNCTION_PORT, as TOML. raises: Error"""
+    with host.graph(graph, list(settings)) as made:
+        passes = {each["name"]: each["technique"] for each in made.describe()["passes"]}
+    return function_pass(technique, technique, pass_name if passes.get(pass_name or "", "none") != "none" else None)
+
+
+def extended(graph: str, adds: str) -> str:
+    return f"extends = {json.dumps(graph)}\n{adds}"
 
 
 def slug(text: str) -> str:
@@ -364,20 +456,29 @@ def read_scenes(reader: Reader, tables: list[dict]) -> tuple[SceneChoice, ...]:
                 reader.fail(("scene", i, "overlays"), f"there is no overlay '{overlay}'")
         if not all(pathlib.Path(overlay).exists() for overlay in overlays):
             continue
+        arguments = table.get("arguments", {})
+        if not all(isinstance(each, (str, bool)) or is_number(each) for each in arguments.values()):
+            reader.fail(("scene", i, "arguments"), "'arguments' are texts, numbers and truths by name",
+                        found=f"arguments = {arguments!r}", expected="arguments = { lights = 64 }: build(scene, lights=64)")
+            continue
+        if arguments and not file.endswith(".py"):
+            reader.fail(("scene", i, "arguments"), "'arguments' are those of a Python scene's build(scene, ...)",
+                        found=f"file = {table['file']!r}")
+            continue
         cameras = table.get("cameras", [table.get("camera")])
         times = table.get("times", [table.get("time", 0.0)])
         place = ("scene", i, "cameras" if "cameras" in table else "camera")
-        if any(camera is not None for camera in cameras):
-            there = reader.cameras(("scene", i, "file"), file, overlays)
+        if arguments or any(camera is not None for camera in cameras):
+            there = reader.cameras(("scene", i, "arguments" if arguments else "file"), file, overlays, arguments)
             for camera in cameras:
                 if there is not None and camera is not None and camera not in there:
                     reader.unknown(place, f"camera of scene '{table['file']}'", camera, there or ["none: it has no cameras"])
         for camera, time in itertools.product(cameras, times):
-            scene = SceneChoice(file, camera, float(time), overlays, reader.places.where(place))
+            scene = SceneChoice(file, camera, float(time), overlays, reader.places.where(place), tuple(arguments.items()))
             # Rows and the reference's file are found by it.
             other = known.setdefault(slug(scene.name), scene)
             if other is not scene:
-                is_same = (file, camera, time, overlays) == (other.file, other.camera, other.time, other.overlays)
+                is_same = dataclasses.replace(scene, where="") == dataclasses.replace(other, where="")
                 reader.fail(("scene", i), f"scene '{scene.name}' is there twice" if is_same else
                             f"two scenes are called '{scene.name}', and would share their rows and their reference's file",
                             found=" and ".join(dict.fromkeys([" ".join([other.file, *other.overlays]),
@@ -413,7 +514,9 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
         # Settings of a technique that could not be put into its pass would be wrong for the one that is there.
         is_swapped = reader.is_pass_known or ("technique" not in table and "graph" in table)
         described = load(reader, place, own_graph, own) if is_swapped else {}
-        if described and port is not None and port not in [each["name"] for each in described["ports"]]:
+        if described and port == FUNCTION_PORT:
+            load_function_image(reader, place, own_graph, own, str(role), pass_name)
+        elif described and port is not None and port not in [each["name"] for each in described["ports"]]:
             if table.get("technique") == "none" and port.startswith(f"{pass_name}."):
                 reader.fail((*path, "technique"), f"without pass '{pass_name}' there is no '{port}', the image that is compared",
                             found="technique = \"none\"", expected="a technique, or a port of a pass that stays",
@@ -421,11 +524,18 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
                 continue
             reader.fail(place, f"the variant's graph has no port '{port}', which is compared")
         present = next((each for each in described.get("passes", []) if each["name"] == pass_name), None)
+        if described:
+            check_extent(reader, place, f"variant '{name}'", described["extent"])
         if described and present is None and "knobs" in table and reader.is_pass_known:
             reader.fail((*path, "knobs"), "of which pass are these the knobs?",
                         expected="'role' or 'pass' at the top, and the pass in the variant's graph")
         ladders = read_knobs(reader, path, table.get("knobs"), role, present)
-        climbed = rungs(ladders)
+        climb = table.get("climb", "together")
+        if climb not in CLIMBS:
+            reader.unknown((*path, "climb"), "way to climb", climb, CLIMBS)
+        if "climb" in table and "knobs" not in table:
+            reader.fail((*path, "climb"), "there are no ladders to climb", expected="'knobs' of the variant: knobs = \"all\"")
+        climbed = rungs(ladders) if climb != "each" else rungs_of_each(ladders)
         if rung := next((rung for j, rung in enumerate(climbed) if rung in climbed[:j]), None):
             reader.fail((*path, "knobs"), "two points have the same values of all knobs",
                         found=" ".join(f"{knob}={value}" for knob, value in rung))
@@ -439,6 +549,16 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
                 reader.fail((*path, "name"), f"a point of another variant is called '{point.name}' as well")
             points.append(point)
     return tuple(points)
+
+
+def check_extent(reader: Reader, path: tuple, what: str, extent: list[int]) -> None:
+    """Images of two sizes cannot be compared."""
+    if reader.extent is None:
+        reader.extent = (what, extent)
+    elif extent != reader.extent[1]:
+        reader.fail(path, f"{what} is of another size than {reader.extent[0]}", found=f"{extent[0]} x {extent[1]}",
+                    expected=f"{reader.extent[1][0]} x {reader.extent[1][1]}",
+                    help="extent=[...] in 'set' at the top holds for all of them")
 
 
 def swap(reader: Reader, path: tuple, table: Mapping[str, Any], role: str | None, pass_name: str | None) -> tuple[str, ...]:
@@ -502,17 +622,28 @@ def rungs(ladders: Mapping[str, list]) -> list[tuple[tuple[str, Any], ...]]:
     return [tuple((knob, values[min(i, len(values) - 1)]) for knob, values in ladders.items()) for i in range(height)]
 
 
+def rungs_of_each(ladders: Mapping[str, list]) -> list[tuple[tuple[str, Any], ...]]:
+    """One ladder after the other, whose other knobs stay as the variant has them."""
+    return [((knob, value),) for knob, values in ladders.items() for value in values] or [()]
+
+
 def read_reference(reader: Reader, given: dict | None, graph: str, settings: tuple[str, ...], role: str | None,
-                   pass_name: str | None) -> Reference | None:
+                   pass_name: str | None, scenes: Sequence[SceneChoice]) -> Reference | None:
     """As written, else what the role names; at the last rung of each ladder that neither says."""
     table = reader.check_table(("reference",), given or {}, REFERENCE_KEYS)
+    if "file" in table:
+        return read_reference_files(reader, table, scenes)
     own_graph = reader.file(table["graph"]) if "graph" in table else graph
     named: tuple[str, ...] = ()
     if "technique" in table:
         named = swap(reader, ("reference",), table, role, pass_name)
     elif "graph" not in table and "set" not in table:
         references = reader.roles[role].get("references") or {} if role is not None else {}
-        stated = references.get("same_model") or references.get("physical")
+        # A technique of another role is no other word for the pass: its graph has to be written.
+        physical = references.get("physical")
+        if physical is not None and physical["technique"].split("/")[0] != role:
+            physical = None
+        stated = references.get("same_model") or physical
         if stated is None or pass_name is None:
             if reader.is_pass_known and not reader.errors:
                 reader.fail(("reference",), "nothing says what is true", expected="[reference] with technique, graph or set")
@@ -524,8 +655,37 @@ def read_reference(reader: Reader, given: dict | None, graph: str, settings: tup
         named += tuple(f"{pass_name}.params.{key}={value}" for key, value in (last | stated["params"]).items())
     everything = (*settings, *named, *table.get("set", []))
     if reader.is_pass_known or ("technique" not in table and "graph" in table):
-        load(reader, ("reference", "set") if "set" in table else ("reference",), own_graph, everything)
+        place = ("reference", "set") if "set" in table else ("reference",)
+        if described := load(reader, place, own_graph, everything):
+            check_extent(reader, place, "the reference", described["extent"])
     parts = table.get("parts", 8)
     if not 1 <= parts <= 1000:
         reader.fail(("reference", "parts"), "'parts' is out of range", found=f"{parts}", expected="1 to 1000")
     return Reference(own_graph, everything, parts)
+
+
+def read_reference_files(reader: Reader, table: Mapping[str, Any], scenes: Sequence[SceneChoice]) -> Reference | None:
+    """Images from elsewhere, one a scene: "{scene}" in the file's name is the scene's."""
+    place = ("reference", "file")
+    for key in ("technique", "graph", "set", "parts"):
+        if key in table:
+            reader.fail(("reference", key), f"'{key}' says how the reference is rendered, and 'file' that it is an image",
+                        expected="one of them")
+    if len(scenes) > 1 and "{scene}" not in table["file"]:
+        reader.fail(place, "one image is the reference of several scenes", found=f"file = \"{table['file']}\"",
+                    expected="{scene} in its name, for " + ", ".join(slug(scene.name) for scene in scenes))
+        return None
+    files = []
+    for scene in scenes:
+        file = reader.file(table["file"].replace("{scene}", slug(scene.name)))
+        if not pathlib.Path(file).exists():
+            reader.fail(place, f"there is no image '{file}', the reference of scene '{scene.name}'")
+            continue
+        try:
+            height, width = reader.host.read_image(file).shape[:2]
+        except Error as error:
+            reader.fail(place, "the reference cannot be read:\n    " + str(error).replace("\n", "\n    "))
+            continue
+        check_extent(reader, place, f"the reference '{file}'", [width, height])
+        files.append(file)
+    return Reference("", (), 1, tuple(files))

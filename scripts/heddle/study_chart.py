@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import pathlib
 
-from .study import Study
+from .study import Point, Study
 
 WHY_NONE = ("matplotlib is not installed, so there is no chart; the numbers are in the tables\n"
             "  help: on Debian, apt-get install python3-matplotlib")
@@ -17,13 +17,8 @@ COLORS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#00
 MARKERS = "osD^vP*X"
 
 
-def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path | None:
-    """FOLDER/error_over_time.png, a row of axes for each scene: over the frame's time, and over the pass's. None without
-    matplotlib, or if there is nothing that could be drawn; then an earlier run's is removed, which would not be this one's."""
-    file = folder / "error_over_time.png"
-    if not is_any_drawn(study, rows):
-        file.unlink(missing_ok=True)
-        return None
+def pyplot():
+    """matplotlib for files, without a screen; None if it is not installed."""
     try:
         import matplotlib
 
@@ -31,10 +26,37 @@ def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path |
         import matplotlib.pyplot as plt
     except ImportError:
         return None
-    metric = study.metrics[0]
+    return plt
+
+
+def save(plt, figure, file: pathlib.Path) -> pathlib.Path:
+    """Whole or not there."""
+    partial = file.with_name(f".{file.stem}.partial.png")
+    figure.savefig(partial, dpi=130)
+    plt.close(figure)
+    partial.replace(file)
+    return file
+
+
+def times_of(study: Study) -> list[tuple[str, str]]:
+    """(quantity of rows, what an axis calls it): the frame's time, and a pass's own."""
     times = [("frame", "frame, submission to fence [ms]")]
-    if study.pass_name is not None:
-        times.append((f"pass {study.pass_name}", f"pass '{study.pass_name}' alone [ms]"))
+    if (shown := study.chart_pass or study.pass_name) is not None:
+        times.append((f"pass {shown}", f"pass '{shown}' alone [ms]"))
+    return times
+
+
+def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path | None:
+    """FOLDER/error_over_time.png, a row of axes for each scene: over the frame's time, and over the pass's. None without
+    matplotlib, or if there is nothing that could be drawn; then an earlier run's is removed, which would not be this one's."""
+    file = folder / "error_over_time.png"
+    if not is_any_drawn(study, rows):
+        file.unlink(missing_ok=True)
+        return None
+    if (plt := pyplot()) is None:
+        return None
+    metric = study.metrics[0]
+    times = times_of(study)
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     figure, all_axes = plt.subplots(len(scenes), len(times), squeeze=False, layout="constrained",
                                     figsize=(6.2 * len(times), 4.6 * len(scenes)))
@@ -45,12 +67,56 @@ def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path |
         all_axes[i][0].set_ylabel(f"{metric} of {study.port} against the reference")
         if all_axes[i][0].get_legend_handles_labels()[0]:
             all_axes[i][0].legend(fontsize=7)
-    figure.suptitle(study.title)
-    partial = folder / f".error_over_time.partial.png"
-    figure.savefig(partial, dpi=130)
-    plt.close(figure)
-    partial.replace(file)
-    return file
+    figure.suptitle(f"{study.title}\nmedians with 95 % intervals", fontsize=11)
+    return save(plt, figure, file)
+
+
+def arguments_of(study: Study) -> tuple[str, dict[str, float]] | None:
+    """(name, {scene: value}) of the one number in which all scenes of a study differ: 64, 256 and 1024 lights, for instance."""
+    made = [(scene.name, dict(scene.arguments)) for scene in study.scenes]
+    names = {name for _, own in made for name in own if len({repr(other.get(name)) for _, other in made}) > 1}
+    others = {(scene.file, scene.camera, scene.time, scene.overlays) for scene in study.scenes}
+    if len(made) < 2 or len(names) != 1 or len(others) != 1:
+        return None
+    name = names.pop()
+    values = {scene: own.get(name) for scene, own in made}
+    if not all(isinstance(value, (int, float)) and not isinstance(value, bool) and value > 0 for value in values.values()):
+        return None
+    return name, {scene: float(value) for scene, value in values.items()}
+
+
+def draw_over_scenes(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path | None:
+    """FOLDER/time_over_scenes.png, of a study whose scenes differ in one number: the frame's time over it, and the pass's, a line
+    a point. None without matplotlib, or where there is no such number; then an earlier run's is removed."""
+    file = folder / "time_over_scenes.png"
+    found = arguments_of(study)
+    if found is None or not any(row["quantity"] == "frame" and row.get("value") for row in rows):
+        file.unlink(missing_ok=True)
+        return None
+    if (plt := pyplot()) is None:
+        return None
+    name, values = found
+    times = times_of(study)
+    figure, all_axes = plt.subplots(1, len(times), squeeze=False, layout="constrained", figsize=(5.6 * len(times), 4.4))
+    for axes, (quantity, label) in zip(all_axes[0], times):
+        for number, point in enumerate(study.points):
+            knobs = " ".join(f"{knob}={value}" for knob, value in point.knobs)
+            own = sorted(((values[row["scene"]], row) for row in rows if row["quantity"] == quantity and row.get("value")
+                          and (row["variant"], row["knobs"]) == (point.variant, knobs)), key=lambda each: each[0])
+            if own:
+                axes.errorbar([x for x, _ in own], [row["value"] for _, row in own], yerr=reaches([row for _, row in own]), capsize=3,
+                              color=COLORS[number % len(COLORS)], marker=MARKERS[number % len(MARKERS)], markersize=5,
+                              linewidth=1.2, elinewidth=0.8, label=point.name)
+        axes.set(xscale="log", yscale="log", xlabel=f"{name} of {pathlib.Path(study.scenes[0].file).stem}", ylabel=label)
+        axes.margins(0.08)
+        for axis in (axes.xaxis, axes.yaxis):
+            plain_numbers(axis)
+        axes.set_xticks(sorted(values.values()), minor=False)
+        axes.set_xticks([], minor=True)
+        axes.grid(True, which="both", alpha=0.25)
+    all_axes[0][0].legend(fontsize=8)
+    figure.suptitle(f"{study.title}\nmedians with 95 % intervals", fontsize=11)
+    return save(plt, figure, file)
 
 
 def is_any_drawn(study: Study, rows: list[dict]) -> bool:
@@ -66,21 +132,26 @@ def why_none(study: Study, rows: list[dict]) -> str:
 
 def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str) -> None:
     found = {(row["variant"], row["knobs"], row["quantity"]): row for row in rows if row.get("value") is not None}
-    front = []
-    for number, variant in enumerate(dict.fromkeys(point.variant for point in study.points)):
+    front, dominated = [], []
+    # A line a ladder: a variant that climbs each of its ladders alone has several.
+    ladders: dict[tuple, list[Point]] = {}
+    for point in study.points:
+        ladders.setdefault((point.variant, tuple(knob for knob, _ in point.knobs)), []).append(point)
+    for number, ((variant, own_knobs), points) in enumerate(ladders.items()):
         drawn = []
-        for point in study.points:
+        for point in points:
             knobs = " ".join(f"{knob}={value}" for knob, value in point.knobs)
             time, error = found.get((variant, knobs, quantity)), found.get((variant, knobs, metric))
             # A logarithm has no place for an error of 0: such points are in the tables alone.
-            if point.variant == variant and time and error and time["value"] > 0 and error["value"] > 0:
+            if time and error and time["value"] > 0 and error["value"] > 0:
                 drawn.append((time, error, ", ".join(str(value) for _, value in point.knobs)))
+                dominated += [drawn[-1]] if error.get("dominated_by") else []
                 if error.get("is_on_front") and quantity == "frame":
                     front.append((time["value"], error["value"]))
         if not drawn:
             continue
         x, y = [t["value"] for t, _, _ in drawn], [e["value"] for _, e, _ in drawn]
-        names = ", ".join(knob for knob, _ in next(p.knobs for p in study.points if p.variant == variant))
+        names = ", ".join(own_knobs)
         axes.errorbar(x, y, xerr=reaches([t for t, _, _ in drawn]), yerr=reaches([e for _, e, _ in drawn]), capsize=2,
                       color=COLORS[number % len(COLORS)], marker=MARKERS[number % len(MARKERS)], markersize=5, linewidth=1.2,
                       elinewidth=0.8, label=f"{variant} ({names})" if names else variant)
@@ -88,6 +159,9 @@ def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str)
             if values and (len(values) <= 12 or k in (0, len(drawn) - 1)):
                 axes.annotate(values, (time["value"], error["value"]), textcoords="offset points",
                               xytext=(5, 5 if k % 2 == 0 else -10), fontsize=6.5)
+    if dominated:
+        axes.plot([t["value"] for t, _, _ in dominated], [e["value"] for _, e, _ in dominated], "x", color="black", markersize=9,
+                  label="dominated by a cheaper rung, beyond the noise")
     if len(front) > 1:
         front.sort()
         axes.step([x for x, _ in front], [y for _, y in front], where="post", color="0.5", linestyle=":", linewidth=1.5,

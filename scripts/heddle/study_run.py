@@ -11,19 +11,15 @@ from __future__ import annotations
 import argparse
 import contextlib
 import csv
-import errno
-import fcntl
+import dataclasses
 import hashlib
 import io
 import json
 import math
 import os
 import pathlib
-import selectors
-import signal
-import subprocess
+import shlex
 import sys
-import tempfile
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -31,116 +27,18 @@ from typing import Any
 
 import numpy as np
 
-from . import Error, Host, compare, metrics, version
+from . import Error, Host, metrics, version
 from . import statistics as s
 from . import study as definition
-from ._library import CANCELLED, find
+from . import study_images as images
+from .__main__ import scene_path
+from ._library import CANCELLED
 from .study import Point, SceneChoice, Study, slug
-
-WARM_FRAMES = 10  # the fewest that tell whether frames are still changing
-PROFILED_FRAMES = 7
-SEEDS = 8  # images of a technique that is random
-# One for the machine, not for the user, whose TMPDIR may be another; the second where the first cannot be opened.
-LOCK = pathlib.Path("/tmp/heddle-study.lock")
-OWN_LOCK = pathlib.Path(tempfile.gettempdir()) / f"heddle-study-{os.getuid()}.lock"
-# Workers that are no variant's.
-AGAIN, REFERENCE = "(the first again)", "(reference)"
-
-
-class Lost(Exception):
-    """A worker crashed, hung, or said that it cannot."""
-
-    def __init__(self, state: str, text: str):
-        super().__init__(text)
-        self.state = state  # "crashed", "hung" or "failed"
-
-
-class Worker:
-    """study_worker.py in a process of its own. What it prints goes to a file."""
-
-    def __init__(self, log: pathlib.Path, timeout: float, stop: Callable[[], None]):
-        self.timeout, self.stop = timeout, stop
-        self._log = open(log, "ab")
-        environment = os.environ | {"PYTHONPATH": os.pathsep.join(
-            [str(pathlib.Path(__file__).resolve().parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])])}
-        # A session of its own: Ctrl-C is the study's, which ends its workers where nothing is half done.
-        self.process = subprocess.Popen([sys.executable, "-m", "heddle.study_worker"], stdin=subprocess.PIPE,
-                                        stdout=subprocess.PIPE, stderr=self._log, env=environment, start_new_session=True)
-        self._answers = b""
-
-    def ask(self, do: str, **arguments: Any) -> dict:
-        """raises: Lost; after "crashed" and "hung" the process is gone"""
-        try:
-            assert self.process.stdin is not None
-            self.process.stdin.write(json.dumps({"do": do} | arguments).encode() + b"\n")
-            self.process.stdin.flush()
-            answer = json.loads(self._line())
-        except (BrokenPipeError, EOFError):
-            code = self.process.wait()
-            self.close()
-            what = f"by {signal.Signals(-code).name}" if code < 0 else f"with exit status {code}"
-            raise Lost("crashed", f"the process ended {what}; what it said is in {self._log.name}") from None
-        except TimeoutError:
-            self.close()
-            raise Lost("hung", f"no answer for {self.timeout:g} s (--timeout); what it said is in {self._log.name}") from None
-        if "error" in answer:
-            raise Lost("failed", answer["error"])
-        return answer
-
-    def _line(self) -> bytes:
-        deadline = time.monotonic() + self.timeout
-        with selectors.DefaultSelector() as selector:
-            pipe = self.process.stdout
-            assert pipe is not None
-            selector.register(pipe, selectors.EVENT_READ)
-            while b"\n" not in self._answers:
-                if not selector.select(0.5):
-                    self.stop()
-                    if time.monotonic() > deadline:
-                        raise TimeoutError
-                    continue
-                more = os.read(pipe.fileno(), 65536)
-                if not more:
-                    raise EOFError
-                self._answers += more
-        line, self._answers = self._answers.split(b"\n", 1)
-        return line
-
-    def close(self) -> None:
-        if self.process.poll() is None:
-            self.process.kill()
-        self.process.wait()
-        for pipe in (self.process.stdin, self.process.stdout):
-            with contextlib.suppress(OSError):
-                if pipe is not None:
-                    pipe.close()
-        self._log.close()
-
+from .study_items import (AGAIN, PROFILED_FRAMES, REFERENCE, SEEDS, Contents, Lost, Refused, Residents, digest, fingerprint, own,
+                          portable, timing_alone)
+from .study_worker import open_graph, open_scene
 
 # ---- What is kept ----
-
-def digest(*parts: Any) -> str:
-    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:32]
-
-
-class Contents:
-    """Hashes of files, each read once."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, str] = {}
-
-    def of(self, files: Sequence[str]) -> list[str]:
-        return [self._one(file) for file in sorted(files)]
-
-    def _one(self, file: str) -> str:
-        if file not in self._known:
-            try:
-                content = pathlib.Path(file).read_bytes()
-            except OSError:  # a role's optional file that is not there
-                content = b""
-            self._known[file] = hashlib.sha256(content).hexdigest()
-        return self._known[file]
-
 
 class Store:
     """FOLDER/measured: JSON by key, whole or not there."""
@@ -162,104 +60,127 @@ class Store:
         write(self.path(key), json.dumps(value))
         return value
 
-    def lines(self, key: str) -> list[Any]:
-        """What append() wrote; a last line that is not whole is left out."""
+    def image(self, key: str) -> np.ndarray | None:
         try:
-            text = self.path(key, ".jsonl").read_text()
+            return np.load(self.path(key, ".npy"), allow_pickle=False)
+        except (OSError, ValueError, EOFError):  # not there, or damaged: it is made again
+            return None
+
+    def put_image(self, key: str, pixels: np.ndarray) -> None:
+        write_image(self.path(key, ".npy"), pixels)
+
+    def lines(self, key: str) -> list[Any]:
+        """What append() wrote. Lines that are not whole are left out: a last one, or what a crash of the machine left."""
+        try:
+            content = self.path(key, ".jsonl").read_bytes()
         except OSError:
             return []
-        return [json.loads(line) for line in text.split("\n")[:-1]]
+        found = []
+        for line in content.split(b"\n")[:-1]:
+            with contextlib.suppress(ValueError):
+                found.append(json.loads(line))
+        return found
 
     def append(self, key: str, value: Any) -> None:
         path = self.path(key, ".jsonl")
-        if path.exists() and not path.read_bytes().endswith(b"\n") and path.stat().st_size:
-            kept = path.read_bytes().rpartition(b"\n")
-            path.write_bytes(kept[0] + kept[1])  # what an interrupted run left half written
+        if path.exists():
+            content = path.read_bytes()
+            if not content.endswith(b"\n"):
+                os.truncate(path, content.rfind(b"\n") + 1)  # what an interrupted run, or a full disk, left half written
         with open(path, "a") as file:
             file.write(json.dumps(value) + "\n")
             file.flush()
             os.fsync(file.fileno())
 
 
-def write(path: pathlib.Path, text: str) -> None:
+def write(path: pathlib.Path, content: str | bytes) -> None:
+    """The file is whole or not there, and what stood there before stays until then."""
     partial = path.with_name(f".{path.name}.{os.getpid()}.partial")
-    partial.write_text(text)
-    partial.replace(path)
-
-
-# ---- The machine ----
-
-def machine() -> dict[str, Any]:
-    """What times depend on, beside the device."""
-    model = ""
-    with contextlib.suppress(OSError):
-        for line in pathlib.Path("/proc/cpuinfo").read_text().splitlines():
-            if line.startswith("model name"):
-                model = line.split(":", 1)[1].strip()
-                break
-    return {"processor": model, "processors": os.cpu_count(), "system": f"{os.uname().sysname} {os.uname().release}"}
-
-
-def busy_seconds() -> float:
-    """Processor time that the whole machine has used, stolen by its host included."""
-    with contextlib.suppress(OSError, ValueError):
-        user, nice, system, _idle, _wait, irq, softirq, steal = map(
-            int, pathlib.Path("/proc/stat").read_text().split("\n", 1)[0].split()[1:9])
-        return (user + nice + system + irq + softirq + steal) / os.sysconf("SC_CLK_TCK")
-    return 0.0
-
-
-def used_seconds(process: int) -> float:
-    with contextlib.suppress(OSError, ValueError, IndexError):
-        fields = pathlib.Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-    return 0.0
-
-
-def open_lock(path: pathlib.Path) -> int:
-    """A descriptor of a file that is made if it is not there. A file of another user is opened to be read, which is enough
-    for a lock: Linux refuses O_CREAT of such a file in /tmp (fs.protected_regular). raises: OSError"""
-    flags = os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK  # neither a link elsewhere nor a pipe that nobody writes
-    for _ in range(10):
-        with contextlib.suppress(FileNotFoundError):
-            return os.open(path, os.O_RDONLY | flags)
-        with contextlib.suppress(FileExistsError):  # another study was faster
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | flags, 0o644)
-            with contextlib.suppress(OSError):
-                os.fchmod(descriptor, 0o644)  # whatever the umask: other users' studies wait too
-            return descriptor
-    raise OSError(errno.EAGAIN, "it comes and goes")
-
-
-@contextlib.contextmanager
-def timing_alone(say: Callable[[str], None], stop: Callable[[], None]) -> Iterator[None]:
-    """One study times on a machine at once."""
     try:
-        lock, descriptor = LOCK, open_lock(LOCK)
-    except OSError as error:
-        say(f"warning: the machine's lock {LOCK} cannot be opened ({error.strerror}): other users' studies may time meanwhile")
+        partial.write_bytes(content.encode() if isinstance(content, str) else content)
+        partial.replace(path)
+    except OSError:
+        partial.unlink(missing_ok=True)
+        raise
+
+
+def write_image(path: pathlib.Path, pixels: np.ndarray) -> None:
+    content = io.BytesIO()
+    np.save(content, pixels)
+    write(path, content.getvalue())
+
+
+# ---- Who does the work ----
+
+@dataclasses.dataclass(frozen=True)
+class Answer:
+    """Of an item: its value, or how its point was lost, and the machine that did it."""
+
+    machine: str  # fingerprint()["id"]
+    value: Any = None
+    lost: Lost | None = None
+
+
+class Moved(Exception):
+    """The machine that times is another one now: what was measured there before is not compared with what it does."""
+
+
+class Here:
+    """Does items in this process, one after the other; the processes of a scene's variants stay for all of them."""
+
+    width = 1  # items at once
+
+    def __init__(self, device: str | None, timeout: float, folder: pathlib.Path, say: Callable[[str], None],
+                 stop: Callable[[], None]):
+        self._device, self._timeout, self._folder, self._say, self._stop = device, timeout, folder, say, stop
+        self._contents = Contents()
+        self._residents: Residents | None = None
+
+    def machines(self) -> list[dict]:
+        """Fingerprints of those that do items, or did."""
+        return [self.place()]
+
+    def place(self) -> dict:
+        """The fingerprint of the machine that times."""
         try:
-            lock, descriptor = OWN_LOCK, open_lock(OWN_LOCK)
-        except OSError as own:
-            say(f"warning: nor can {OWN_LOCK} ({own.strerror}): no study waits for another")
-            yield
-            return
-    try:
-        is_said = False
-        while True:
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if not is_said:
-                    say(f"another study is timing on this machine ({lock}); waiting for it")
-                    is_said = True
-                stop()
-                time.sleep(0.2)
-        yield
-    finally:
-        os.close(descriptor)
+            return fingerprint(self._device)
+        except Lost as lost:
+            raise Error(4, f"error: the devices of this machine cannot be listed\n    {lost}") from lost
 
+    def run(self, items: Sequence[dict], truth: dict | None = None) -> Iterator[tuple[int, Answer]]:
+        """The items by number with their answers, as they come. raises: Error, OSError"""
+        for i, item in enumerate(items):
+            yield i, self._do(item, truth)
+
+    def at_place(self, item: dict) -> Answer:
+        """Of an item that is timed. raises: Moved, Error, OSError"""
+        return self._do(item, None)
+
+    def timing(self) -> contextlib.AbstractContextManager:
+        """While items are timed: nobody else times on this machine."""
+        return timing_alone(self._say, self._stop)
+
+    def end(self, owner: str) -> None:
+        """That process is not needed any more."""
+        if self._residents is not None:
+            self._residents.end(owner)
+
+    def close(self) -> None:
+        if self._residents is not None:
+            self._residents.close()
+            self._residents = None
+
+    def _do(self, item: dict, truth: dict | None) -> Answer:
+        if self._residents is None or self._residents.scene != item["scene"]:
+            self.close()
+            self._residents = Residents(item["scene"], self._device, self._timeout, self._folder, self._stop, self._contents)
+        try:
+            return Answer(self.place()["id"], self._residents.do(item, truth))
+        except Lost as lost:
+            return Answer(self.place()["id"], lost=lost)
+        except Refused as refused:
+            raise Error(2, f"error: {refused}\n  help:     it has changed meanwhile; the same command measures again what "
+                           "depends on it") from refused
 
 # ---- A scene of a study ----
 
@@ -267,169 +188,221 @@ class SceneRun:
     """All that is measured on one scene. Points that are lost have a state other than "ok", and the others go on."""
 
     def __init__(self, study: Study, scene: SceneChoice, store: Store, options: argparse.Namespace, folder: pathlib.Path,
-                 contents: Contents, say: Callable[[str], None], stop: Callable[[], None], deadline: float):
+                 host: Host, executor: Here, contents: Contents, say: Callable[[str], None], stop: Callable[[], None],
+                 deadline: float):
         self.study, self.scene, self.store, self.options, self.folder = study, scene, store, options, folder
-        self.contents, self.say, self.stop = contents, say, stop
+        self.host, self.executor, self.contents, self.say, self.stop = host, executor, contents, say, stop
         self.deadline = deadline  # of time.monotonic(): the study's budget ends
-        self.workers: dict[str, Worker] = {}  # by variant, AGAIN for the first variant's double
+        path = scene_path(scene.file)
+        self.described = {"file": portable(path or scene.file), "camera": scene.camera, "time": scene.time,
+                          "overlays": [portable(each) for each in scene.overlays],
+                          "arguments": [list(each) for each in scene.arguments]}
         self.state: dict[str, tuple[str, str]] = {point.name: ("ok", "") for point in study.points}
-        self.keys: dict[str, str] = {}  # what a point's images depend on
+        self.graphs: dict[str, dict] = {}  # what items are told of points
+        self.keys: dict[str, str] = {}  # what a point's images depend on, beside the machine
         self.scene_files: list[str] = []
-        self.devices: list[dict] = []
+        self.pixels: dict[str, int] = {}  # of a point's frame
+        self.passes: dict[str, int] = {}  # how many a point's graph has
+        self.standing: dict[str, dict] = {}  # all parameters of the study's pass, as a point has them
         self.warm: dict[str, dict] = {}
         self.measured: dict[str, dict] = {}  # profile() of points
-        self.errors: dict[str, dict[str, dict]] = {}
+        self.errors: dict[str, dict] = {}
         self.rounds: list[dict] = []
         self.foreign: float | None = None  # share of the processors that other programs used while rounds were timed
         self.changing: dict[str, int] = {}  # frames of the warm-up of points that were still changing after them
+        self.kept: dict[str, str] = {}  # keys of images.load(): the first seed of points, and REFERENCE
+        self.explained: dict[str, str] = {}  # keys of the store: how points' frames were planned
+        self.machine = ""  # id of the one that timed
 
-    def close(self) -> None:
-        for worker in self.workers.values():
-            worker.process.kill()  # all of them, before any is waited for: they give back much memory
-        for worker in self.workers.values():
-            worker.close()
-        self.workers.clear()
+    @property
+    def baseline(self) -> Point:
+        return self.study.points[0]
 
     def alive(self) -> list[Point]:
         return [point for point in self.study.points if self.state[point.name][0] == "ok"]
 
-    # Workers
+    def lose(self, name: str, lost: Lost) -> None:
+        point = self.baseline.name if name == AGAIN else name
+        text = f"a second process of it: {lost}" if name == AGAIN else str(lost)
+        self.state[point] = (lost.state, text)
+        self.say(f"{self.scene.name}: {point} {lost.state}: {text}")
 
-    def start(self, owner: str) -> Worker:
-        """A worker with the scene, under a variant's name."""
-        worker = Worker(self.folder / "workers.log", self.options.timeout, self.stop)
-        scene = {"file": self.scene.file, "camera": self.scene.camera, "time": self.scene.time,
-                 "overlays": list(self.scene.overlays)}
+    # What there is to do
+
+    def identify(self) -> None:
+        """What goes into every point, from its files; renders nothing."""
         try:
-            opened = worker.ask("open", scene=scene, device=self.options.device)
-            self.scene_files, self.devices = opened["files"], opened["devices"]
-        except BaseException:
-            worker.close()
-            raise
-        self.workers[owner] = worker
-        return worker
-
-    def load_points(self) -> None:
-        """Every point's graph in its variant's process; keys of what they will be."""
+            made, _, self.scene_files = open_scene(self.host, {**self.described, "file": own(self.described["file"]),
+                                                          "overlays": list(self.scene.overlays)})
+            made.close()
+        except Error as error:
+            raise Error(error.status, f"{self.scene.where}: error: nothing of scene '{self.scene.name}' can be rendered\n    "
+                        + str(error).replace("\n", "\n    ")) from error
         for point in self.study.points:
-            self.guard(point, lambda point=point: self.load(point, point.variant))
+            try:
+                self.identify_one(point.name, point.graph, point.settings)
+                if self.study.function_image is not None:
+                    self.identify_one(self.image_of(point.name), point.graph, point.settings, self.study.pass_name)
+            except Error as error:
+                self.lose(point.name, Lost("failed", str(error)))
+        if (reference := self.study.reference) is not None and not reference.files:
+            self.identify_one(REFERENCE, reference.graph, reference.settings, self.study.pass_name)
+        self.check_alive()
+
+    def identify_one(self, name: str, graph: str, settings: Sequence[str], asked: str | None = None,
+                     keep: str | None = None) -> None:
+        """asked: of a graph that is not timed the pass whose answers become an image, where the study has such a role.
+        keep: another port than the study's. raises: Error"""
+        adds = None
+        if self.study.function_image is not None and asked is not None:
+            adds = definition.with_function_image(self.host, graph, settings, self.study.function_image, asked)
+        # What is timed makes the port only if it is the graph's own.
+        if keep is None and (adds is not None or self.study.function_image is None):
+            keep = self.study.port
+        with open_graph(self.host, definition.absolute(graph) if adds else graph, settings, adds) as made:
+            if keep is not None:
+                made.keep(keep)
+            files = [file for file in made.files() if pathlib.Path(file).is_absolute() or pathlib.Path(file).exists()]
+            described = made.describe()
+        self.pixels[name] = described["extent"][0] * described["extent"][1]
+        self.passes[name] = len(described["passes"])
+        self.standing[name] = next((each.get("parameters", {}) for each in described["passes"]
+                                    if each["name"] == self.study.pass_name), {})
+        expected = self.contents.of([*files, *self.scene_files])
+        self.graphs[name] = {"graph": portable(graph) if pathlib.Path(graph).is_file() else graph, "settings": list(settings),
+                             "expected": expected, "keep": keep, "adds": adds}
+        self.keys[name] = digest("image", [content for _, content in sorted(expected.items())], settings, adds,
+                                 self.scene.camera, self.scene.time, self.scene.arguments, self.study.port, self.study.settle)
+
+    def image_of(self, name: str) -> str:
+        """The name under which a point's image is made: another graph's, where the point's own has none."""
+        return name if self.study.function_image is None else f"{name} (image)"
+
+    def check_alive(self) -> None:
         if not self.alive():  # nothing can be measured: the scene, the device, or all settings are wrong
-            state, text = self.state[self.study.points[0].name]
+            state, text = self.state[self.baseline.name]
             raise Error(2 if state == "failed" else 4, f"{self.scene.where}: error: nothing of scene '{self.scene.name}' can be "
                         f"rendered\n    " + text.replace("\n", "\n    "))
-        self.say(f"{self.scene.name}: {len(self.alive())} points are loaded")
 
-    def load(self, point: Point, owner: str) -> None:
-        worker = self.workers[owner] if owner in self.workers else self.start(owner)
-        files = worker.ask("load", point=point.name, graph=point.graph, settings=list(point.settings), keep=self.study.port)
-        self.keys[point.name] = self.key_of(point.graph, point.settings, files["files"])
+    def told(self, name: str, owner: str, shown: str | None = None) -> dict:
+        """A point as items have it. owner: the process it lives in; shown: by another name, as the first point's double."""
+        return {"name": shown or name, "owner": owner} | self.graphs[name]
 
-    def key_of(self, graph: str, settings: Sequence[str], files: Sequence[str]) -> str:
-        return digest("image", self.contents.of([str(find()), *files, *self.scene_files]), settings, self.scene.camera,
-                      self.scene.time, self.study.port, self.study.settle, self.options.device,
-                      os.environ.get("HEDDLE_DEVICE"), self.devices)
+    def item(self, do: str, **more: Any) -> dict:
+        return {"do": do, "scene": self.described, "device": self.options.device, "timeout": self.options.timeout,
+                "port": self.study.port, "settle": self.study.settle} | more
 
-    def guard(self, point: Point, work: Callable[[], Any]) -> Any:
-        """Runs work for a point. What a lost worker took with it is loaded again for the others; the point is not."""
-        try:
-            self.stop()
-            return work()
-        except Lost as lost:
-            self.state[point.name] = (lost.state, str(lost))
-            self.say(f"{self.scene.name}: {point.name} {lost.state}: {lost}")
-            if lost.state != "failed":
-                for owner in [owner for owner, worker in self.workers.items() if worker.process.poll() is not None]:
-                    self.revive(owner)
-            return None
-
-    def revive(self, owner: str) -> None:
-        self.workers.pop(owner).close()
-        points = [self.study.points[0]] if owner == AGAIN else [p for p in self.study.points if p.variant == owner]
-        for other in points:
-            if self.state[other.name][0] == "ok":
-                try:
-                    self.load(other, owner)
-                except Lost as lost:
-                    self.state[other.name] = (lost.state, str(lost))
-                    self.say(f"{self.scene.name}: {other.name} {lost.state}: {lost}")
+    def ask(self, point: Point, request: str, **arguments: Any) -> dict | None:
+        """What study_worker.py says of a point where it is timed; None if it is lost by now."""
+        while self.state[point.name][0] == "ok":
+            with contextlib.suppress(Moved):
+                answer = self.executor.at_place(self.item("ask", point=self.told(point.name, point.variant), request=request,
+                                                          arguments=arguments))
+                if answer.lost is None:
+                    return answer.value
+                self.lose(point.name, answer.lost)
+        return None
 
     # Warm-up and what it will take
 
     def warm_up(self) -> None:
-        for point in self.alive():
-            self.guard(point, lambda point=point: self.warm_point(point, point.variant))
+        """Of the points of which something is not measured yet."""
+        due = [point for point in self.alive() if self.is_due(point)]
+        for point in due:
+            while point.name not in self.warm and self.state[point.name][0] == "ok":
+                with contextlib.suppress(Moved):
+                    answer = self.executor.at_place(self.item("warm_point", point=self.told(point.name, point.variant)))
+                    if answer.lost is not None:
+                        self.lose(point.name, answer.lost)
+                    else:
+                        self.warm[point.name] = answer.value
+                        # Of those that are known by now: hours are said before the others have warmed up for hours.
+                        self.check_budget(self.estimate_seconds(), "at least")
+        self.check_alive()
+        self.say(f"{self.scene.name}: {len(due)} of {len(self.study.points)} points are to be measured")
 
-    def warm_point(self, point: Point, owner: str) -> None:
-        ask = self.workers[owner].ask
-        first = ask("render", point=point.name, frames=2)["ms"]
-        # Frames of seconds have long left their beginning behind, and ten of them would take as long as the study.
-        if first[1] > 2000:
-            self.warm[point.name] = {"frames": 2, "warm_after": 1, "ms": first[1]}
-            return
-        frames: list[float] = []
-        for _ in range(3):  # never longer: what keeps changing is said, and measured as it is
-            frames += ask("render", point=point.name, frames=WARM_FRAMES)["ms"]
-            after = s.warm_up(frames)
-            if after is not None:
-                break
-        self.warm[point.name] = {"frames": len(frames) + 2, "warm_after": None if after is None else after + 2,
-                                 "ms": float(np.median(frames[len(frames) // 2:]))}
+    def is_due(self, point: Point) -> bool:
+        return bool(self.missing_rounds(point) or self.store.get(self.profile_key(point)) is None
+                    or (self.study.reference is not None and not self.has_images(point)))
+
+    def has_images(self, point: Point) -> bool:
+        return any(self.store.get(self.images_key(point, each["id"])) is not None for each in self.executor.machines())
+
+    def missing_rounds(self, point: Point) -> int:
+        done = sum(point.name in each["order"] for each in self.finished_rounds())
+        return max(0, self.study.rounds - done)
 
     def estimate_seconds(self) -> float:
         """Of what is not measured yet: rounds, profiles and images. The reference is known once its first part is there."""
         points = self.alive()
-        frame = {point.name: self.warm[point.name]["ms"] / 1e3 for point in points}
-        if not points:
-            return 0.0
-        turns = [*points, points[0]]
-        rounds = self.study.rounds - len(self.finished_rounds())
-        seconds = max(rounds, 0) * 2 * (self.study.frames + 1) * sum(frame[point.name] for point in turns)
+        frame = {point.name: self.warm[point.name]["ms"] / 1e3 for point in points if point.name in self.warm}
+        missing = {point.name: self.missing_rounds(point) for point in points}
+        # The first point and its double take turns in all of them.
+        if self.baseline.name in missing:
+            missing[self.baseline.name] = max(missing.values())
+        seconds = 2 * (self.study.frames + 1) * sum(
+            rounds * frame.get(name, 0.0) * (2 if name == self.baseline.name else 1) for name, rounds in missing.items())
         for point in points:
             if self.store.get(self.profile_key(point)) is None:
-                seconds += (PROFILED_FRAMES + 1) * frame[point.name]
-            if self.study.reference is not None and self.store.get(self.images_key(point)) is None:
-                seconds += SEEDS * self.study.settle * frame[point.name]
-        return seconds
+                seconds += (PROFILED_FRAMES + 1) * frame.get(point.name, 0.0)
+            if self.study.reference is not None and not self.has_images(point):
+                seconds += SEEDS * self.study.settle * frame.get(point.name, 0.0) / self.executor.width
+        return seconds + more_seconds(self)
 
-    def check_budget(self, rest: float) -> None:
+    def check_budget(self, rest: float, how: str = "about") -> None:
         """Before anything is timed: a study that would take longer than it may says so now."""
         if time.monotonic() + rest > self.deadline:
-            raise Error(2, f"error: this study would take about {duration(rest)} more; its budget is "
+            raise Error(2, f"error: this study would take {how} {duration(rest)} more; its budget is "
                            f"{self.study.budget_minutes:g} min\n  help:     --budget MINUTES; or fewer rounds, frames, scenes or "
                            "values of knobs, smaller images, a cheaper reference. What was measured is kept")
 
     # Errors
 
     def reference_images(self) -> list[np.ndarray]:
-        """The independent parts of the reference; one if it has no randomness."""
+        """The independent parts of the reference; one if it has no randomness, or is an image. raises: Lost"""
         reference = self.study.reference
         assert reference is not None
-        worker = self.workers.get(REFERENCE) or self.start(REFERENCE)
-        files = worker.ask("load", point=REFERENCE, graph=reference.graph, settings=list(reference.settings),
-                           keep=self.study.port)["files"]
-        key = self.key_of(reference.graph, reference.settings, files)
-        parts: list[np.ndarray] = []
-        for part in range(reference.parts):
-            self.stop()
-            # Seeds of techniques begin at 0: noise is never compared with itself.
-            seed = 1_000_000 + part
-            file = self.store.path(digest("part", key, seed), ".npy")
-            if not file.exists():
-                begun = time.monotonic()
-                worker.ask("render", point=REFERENCE, frames=self.study.settle, seed=seed, cut=True)
-                worker.ask("read", point=REFERENCE, port=self.study.port, file=str(file))
-                if part == 0 and reference.parts > 1:
-                    rest = (time.monotonic() - begun) * (reference.parts - 1)
-                    self.say(f"{self.scene.name}: the reference takes {duration(rest)} more at most")
-                    self.check_budget(rest + self.estimate_seconds())
-            parts.append(np.load(file))
-            if part == 1 and np.array_equal(parts[0], parts[1]):
-                return parts[:1]
-        return parts
+        if reference.files:
+            return [self.host.read_image(reference.files[self.study.scenes.index(self.scene)])]
+        told = self.told(REFERENCE, REFERENCE)
+        # Seeds of techniques begin at 0: noise is never compared with itself.
+        items = [self.item("part", point=told, seed=1_000_000 + part) for part in range(reference.parts)]
+        parts: dict[int, np.ndarray] = {}
+        for i, item in enumerate(items):
+            for machine in self.executor.machines():
+                found = self.store.image(self.part_key(item["seed"], machine["id"]))
+                if found is not None:
+                    parts[i] = found
+                    break
+
+        def make(wanted: Sequence[int]) -> float:
+            todo = [i for i in wanted if i not in parts]
+            seconds = 0.0
+            for number, answer in self.executor.run([items[i] for i in todo]):
+                if answer.lost is not None:
+                    raise answer.lost
+                i = todo[number]
+                parts[i], seconds = answer.value["image"], answer.value["seconds"]
+                self.store.put_image(self.part_key(items[i]["seed"], answer.machine), parts[i])
+            return seconds
+
+        seconds = make([0])
+        if seconds and reference.parts > 1:
+            rest = seconds * math.ceil((reference.parts - 1) / self.executor.width)
+            self.say(f"{self.scene.name}: the reference takes {duration(rest)} more at most")
+            self.check_budget(rest + self.estimate_seconds())
+        make(range(min(2, reference.parts)))
+        if len(parts) > 1 and np.array_equal(parts[0], parts[1]):
+            return [parts[0]]
+        make(range(reference.parts))
+        return [parts[i] for i in sorted(parts)]
+
+    def part_key(self, seed: int, machine: str) -> str:
+        return digest("part", self.keys[REFERENCE], machine, seed)
 
     def measure_errors(self) -> None:
         """Errors of every point against the reference, per seed and with each part of the reference left out."""
-        if self.study.reference is None:
+        if self.study.reference is None or not self.alive():
             return
         try:
             parts = self.reference_images()
@@ -439,128 +412,139 @@ class SceneRun:
                 self.state[point.name] = (lost.state, f"the reference: {lost}")
             return
         finally:
-            if REFERENCE in self.workers:
-                self.workers.pop(REFERENCE).close()
+            self.executor.end(REFERENCE)
         stack = np.stack(parts).astype(np.float64)
         total = stack.sum(axis=0)
         whole = (total / len(parts)).astype(np.float32)
-        without = [((total - part) / (len(parts) - 1)).astype(np.float32) for part in stack] if len(parts) > 1 else []
-        np.save(self.folder / f"reference_{slug(self.scene.name)}.npy", whole)
-        known = {"reference": digest(hashlib.sha256(whole.tobytes()).hexdigest(), len(parts), self.study.metrics,
-                                     self.study.exposures, self.study.tone_mapper, str(find()), self.contents.of([str(find())]))}
+        truth = {"whole": whole, "without": [((total - part) / (len(parts) - 1)).astype(np.float32) for part in stack]
+                 if len(parts) > 1 else []}
+        write_image(self.folder / f"reference_{slug(self.scene.name)}.npy", whole)
+        self.kept[REFERENCE] = digest("kept", images.fingerprint(whole))
+        if images.head_of(self.folder, self.kept[REFERENCE]) is None:
+            images.keep(self.folder, self.kept[REFERENCE], whole)
+        known = digest(hashlib.sha256(whole.tobytes()).hexdigest(), len(parts), self.study.metrics, self.study.exposures,
+                       self.study.tone_mapper, SEEDS)
+        todo = []
         for point in self.alive():
-            key = digest("errors", self.keys[point.name], known["reference"], SEEDS)
-            found = self.store.get(key)
-            if found is None:
-                found = self.guard(point, lambda point=point: self.errors_of(point, whole, without))
-                if found is not None:
-                    self.store.put(key, found)
-            if found is not None:
-                self.errors[point.name] = found
+            found = [self.store.get(self.errors_key(point, known, machine["id"])) for machine in self.executor.machines()]
+            found = [each for each in found if each is not None]
+            if found:
+                self.errors[point.name] = found[0]
+                self.keep_image(point, found[0]["machine"])
+            else:
+                todo.append(point)
+        items = [self.item("errors", point=self.told(self.image_of(point.name), point.variant), metrics=list(self.study.metrics), exposures=self.study.exposures,
+                           tone_mapper=self.study.tone_mapper) for point in todo]
+        for number, answer in self.executor.run(items, truth):
+            point = todo[number]
+            if answer.lost is not None:
+                self.lose(point.name, answer.lost)
+                continue
+            self.keep_image(point, answer.machine, answer.value.pop("image"))
+            self.errors[point.name] = answer.value | {"machine": answer.machine}
+            self.store.put(self.errors_key(point, known, answer.machine), self.errors[point.name])
+            self.store.put(self.images_key(point, answer.machine), {"point": point.name})
 
-    def images_key(self, point: Point) -> str:
-        return digest("images", self.keys[point.name])
+    def keep_image(self, point: Point, machine: str, image: np.ndarray | None = None) -> None:
+        """Of the first seed, for the report. A study of before reports has errors without it: then it is rendered again."""
+        key = self.kept[point.name] = digest("kept", self.keys[self.image_of(point.name)], machine)
+        if images.head_of(self.folder, key) is not None:
+            return
+        if image is None:
+            image = self.render_image(point, 0)
+        if image is not None:
+            images.keep(self.folder, key, image)
 
-    def errors_of(self, point: Point, whole: np.ndarray, without: list[np.ndarray]) -> dict:
-        """{"seeds": {metric: [error]}, "parts": {metric: [error of the first seed with a part left out]}, "is_random"}."""
-        ask = self.workers[point.variant].ask
-        result: dict = {"seeds": {m: [] for m in self.study.metrics}, "parts": {m: [] for m in self.study.metrics},
-                        "is_random": True}
-        first = None
-        for seed in range(SEEDS):
-            self.stop()
-            file = self.store.folder / f".image.{os.getpid()}.npy"
-            ask("render", point=point.name, frames=self.study.settle, seed=seed, cut=True)
-            ask("read", point=point.name, port=self.study.port, file=str(file))
-            image = np.load(file)
-            file.unlink()
-            if seed == 1 and np.array_equal(image, first):
-                result["is_random"] = False
-                break
-            for metric in self.study.metrics:
-                result["seeds"][metric].append(self.error(image, whole, metric))
-                if seed == 0:
-                    first = image
-                    result["parts"][metric] = [self.error(image, part, metric) for part in without]
-        self.store.put(self.images_key(point), {"point": point.name})
-        return result
+    def render_image(self, point: Point, seed: int) -> np.ndarray | None:
+        """None if the point is lost by that."""
+        item = self.item("part", point=self.told(self.image_of(point.name), point.variant), seed=seed)
+        for _, answer in self.executor.run([item]):
+            if answer.lost is None:
+                return answer.value["image"]
+            self.lose(point.name, answer.lost)
+        return None
 
-    def error(self, image: np.ndarray, reference: np.ndarray, metric: str) -> float:
-        try:
-            value = compare(image, reference, metric, exposures=self.study.exposures, tone_mapper=self.study.tone_mapper)
-        except Error as error:
-            raise Lost("failed", str(error)) from error
-        return float(value)
+    def errors_key(self, point: Point, reference: str, machine: str) -> str:
+        return digest("errors", self.keys[self.image_of(point.name)], machine, reference)
+
+    def images_key(self, point: Point, machine: str) -> str:
+        return digest("images", self.keys[self.image_of(point.name)], machine)
 
     # Times
 
     def times_key(self) -> str:
-        return digest("times", [self.keys.get(point.name) for point in self.study.points], machine(), self.study.frames)
+        return digest("times", self.keys.get(self.baseline.name), self.executor.place()["id"], self.study.frames)
 
     def finished_rounds(self) -> list[dict]:
-        """Those in which everybody took part who is still there."""
-        names = {point.name for point in self.alive()} | {AGAIN}
-        return [each for each in self.store.lines(self.times_key()) if names <= set(each["order"])]
+        """On the machine that times now; of each round the turns of points that are still what they were then. A variant
+        that has changed since is measured again, and nobody else but the first, with which it is compared."""
+        now = {point.name: self.keys.get(point.name) for point in self.study.points} | {AGAIN: self.keys.get(self.baseline.name)}
+        rounds = []
+        for each in self.store.lines(self.times_key()):
+            turns = [(name, ms) for name, ms in zip(each["order"], each["ms"])
+                     if name in now and each["keys"].get(name) == now[name] is not None]
+            rounds.append(each | {"order": [name for name, _ in turns], "ms": [ms for _, ms in turns]})
+        return rounds
 
     def profile_key(self, point: Point) -> str:
-        return digest("profile", self.keys[point.name], machine(), PROFILED_FRAMES)
+        return digest("profile", self.keys[point.name], self.executor.place()["id"], PROFILED_FRAMES)
 
     def measure_passes(self) -> None:
         """Pass by pass, apart from all other times: submitting stage by stage makes a frame slower."""
         for point in self.alive():
-            key = self.profile_key(point)
-            found = self.store.get(key)
-            if found is None:
-                found = self.guard(point, lambda point=point: self.workers[point.variant].ask(
-                    "profile", point=point.name, frames=PROFILED_FRAMES))
-                if found is not None:
+            while point.name not in self.measured and self.state[point.name][0] == "ok":
+                key = self.profile_key(point)
+                found = self.store.get(key)
+                if found is None:
+                    try:
+                        answer = self.executor.at_place(self.item("profile", point=self.told(point.name, point.variant)))
+                    except Moved:
+                        continue
+                    if answer.lost is not None:
+                        self.lose(point.name, answer.lost)
+                        continue
+                    found = answer.value | {"machine": answer.machine}
                     self.store.put(key, found)
-            if found is not None:
                 self.measured[point.name] = found
+            key = self.explained[point.name] = digest("explain", self.keys[point.name])
+            if self.store.get(key) is None and (explained := self.ask(point, "explain")) is not None:
+                self.store.put(key, explained["explain"])
 
     def measure_times(self) -> None:
         """Rounds of turns. A point that is lost on the way leaves; what it and the others finished stays."""
-        points = self.alive()
-        if len(self.finished_rounds()) < self.study.rounds and AGAIN not in self.workers and points:
-            self.guard(points[0], lambda: self.load(points[0], AGAIN))
-            self.guard(points[0], lambda: self.warm_point(points[0], AGAIN))
-        while self.alive() and len(self.finished_rounds()) < self.study.rounds:
-            self.time_round()
-        self.rounds = self.store.lines(self.times_key())
+        while due := [point for point in self.alive() if self.missing_rounds(point)]:
+            with contextlib.suppress(Moved):
+                self.time_round(due)
+        self.machine = self.executor.place()["id"]
+        self.rounds = self.finished_rounds()
         # Of all rounds, whichever run took them.
-        others, passed = (sum(each["others"][i] for each in self.rounds if "others" in each) for i in (0, 1))
+        others, passed = (sum(each["others"][i] for each in self.rounds) for i in (0, 1))
         if passed > 1:
             self.foreign = max(0.0, others / passed)
         for each in self.rounds:
-            self.changing |= each.get("changing", {})
+            self.changing |= {name: frames for name, frames in each["changing"].items() if name in each["order"]}
 
-    def time_round(self) -> None:
-        """One round, kept if nobody is lost in it."""
-        points = self.alive()
-        by_name = {point.name: (point.variant, point) for point in points} | {AGAIN: (AGAIN, self.study.points[0])}
-        number = len(self.store.lines(self.times_key()))
-        order = s.turns(list(by_name), 1, self.study.seed + number)[0]
-        times = []
-        begun, busy, own = time.monotonic(), busy_seconds(), self.own_seconds()
-        for name in order:
-            owner, point = by_name[name]
-            # The first frame of a turn finds caches that others have filled, and does not count.
-            answer = self.guard(point, lambda: self.workers[owner].ask(
-                "render", point=point.name, frames=self.study.frames + 1))
-            if answer is None:
-                return
-            times.append(answer["ms"][1:])
-        # Seconds of processors: used by other programs, and all that there were.
-        others = [(busy_seconds() - busy) - (self.own_seconds() - own), (time.monotonic() - begun) * (os.cpu_count() or 1)]
-        changing = {name: warm["frames"] for name, warm in self.warm.items() if warm["warm_after"] is None}
-        self.store.append(self.times_key(), {"round": number, "order": order, "ms": times, "others": others,
-                                             "changing": changing})
-        done = len(self.finished_rounds())
+    def time_round(self, due: Sequence[Point]) -> None:
+        """One round, kept if nobody is lost in it: of those that are due, and of the first point, twice."""
+        told = {point.name: self.told(point.name, point.variant) for point in due}
+        if self.state[self.baseline.name][0] == "ok":
+            told |= {self.baseline.name: self.told(self.baseline.name, self.baseline.variant),
+                     AGAIN: self.told(self.baseline.name, AGAIN, AGAIN)}
+        key = self.times_key()
+        number = len(self.store.lines(key))
+        names = [name for name in [*(point.name for point in self.study.points), AGAIN] if name in told]
+        order = s.turns(names, 1, self.study.seed + number)[0]
+        answer = self.executor.at_place(self.item("round", points=list(told.values()), order=order, frames=self.study.frames))
+        if answer.lost is not None:
+            self.lose(answer.lost.point, answer.lost)
+            return
+        if key != self.times_key():
+            return  # another machine did it
+        keys = {name: self.keys[self.baseline.name if name == AGAIN else name] for name in told}
+        self.store.append(key, {"round": number, "order": order, "keys": keys, "machine": answer.machine, **answer.value})
+        done = self.study.rounds - max(self.missing_rounds(point) for point in due)
         if done in (1, self.study.rounds) or done % 5 == 0:
             self.say(f"{self.scene.name}: round {done} of {self.study.rounds}")
-
-    def own_seconds(self) -> float:
-        return sum(used_seconds(pid) for pid in [os.getpid(), *[w.process.pid for w in self.workers.values()]])
 
 
 def duration(seconds: float) -> str:
@@ -573,7 +557,16 @@ def duration(seconds: float) -> str:
 
 COLUMNS = ["study", "scene", "variant", "knobs", "state", "quantity", "unit", "value", "low", "high", "confidence", "samples",
            "against", "verdict", "difference", "difference_low", "difference_high", "floor", "smallest_seen", "is_on_front",
-           "formula", "note"]
+           "formula", "note", "machine", "dominated_by"]
+
+
+MEMORY = {
+    "process_bytes": "resident memory of the variant's process, all its points and the scene in it",
+    "process_peak_bytes": "the most of that, up to this point's profile",
+    "transient_bytes": "of the device, images and buffers that share memory within a frame",
+    "transient_bytes_without_aliasing": "of the device, if they shared none",
+    "kept_bytes": "of the device, what outlasts a frame",
+}
 
 
 def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
@@ -615,28 +608,31 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
                 more = told(s.decide([each[point.name] - each[baseline.name] for each in both], floor,
                                      math.log1p(study.resolution), noise))
             row(point, "frame", "ms", s.median(turns), len(frames),
-                formula="median over turns, submission to last fence; difference: of logarithms", **more)
+                formula="median over turns, submission to last fence; difference: of logarithms", machine=run.machine, **more)
             if point is baseline:
                 restless = s.unrest(frames, floor, math.log1p(study.resolution), run.foreign)
                 row(point, "frame noise floor", "log ratio", s.difference(again), len(again),
-                    formula="the same variant against itself, in another process")
+                    formula="the same variant against itself, in another process", machine=run.machine)
         if point.name in run.changing:
             restless.append(f"frames of {point.name} were still changing after {run.changing[point.name]} of them")
         if found := run.measured.get(point.name):
             for name, times in found["passes"].items():
-                row(point, f"pass {name}", "ms", s.median(times), len(times), formula="submitted and waited for stage by stage")
+                row(point, f"pass {name}", "ms", s.median(times), len(times), formula="submitted and waited for stage by stage",
+                    machine=found["machine"])
             for name, value in found["memory"].items():
-                row(point, f"memory {name}", "bytes", value=value)
+                row(point, f"memory {name}", "bytes", value=value, formula=MEMORY.get(name, ""), machine=found["machine"])
             for name, value in found["counters"].items():
                 if isinstance(value, (int, float)):
-                    row(point, f"count {name}", "1", value=value)
+                    unit = next((unit for unit in ("ms", "bytes") if name.endswith(f"_{unit}")), "1")
+                    row(point, f"count {name}", unit, value=value, machine=found["machine"])
+        by = run.errors.get(point.name, {}).get("machine", "")
         for metric, errors in run.errors.get(point.name, {}).get("seeds", {}).items():
             parts = run.errors[point.name]["parts"][metric]
             direction, formula = better.get(metric, ("lower", "P-th percentile of |a-b|, nearest rank"))
             compared = point is not baseline and baseline.name in run.errors
             if not is_finite(run.errors[point.name], metric):
                 more = unmeasured(run, point, baseline, metric) if compared else {}
-                row(point, metric, "1", samples=len(errors), formula=formula, **{"note": why_not_finite(errors)} | more)
+                row(point, metric, "1", samples=len(errors), formula=formula, machine=by, **{"note": why_not_finite(errors)} | more)
                 continue
             own = s.reference_floor(parts) if len(parts) > 1 else 0.0
             interval = error_interval(errors, own)
@@ -645,8 +641,41 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
                 more = told(error_verdict(run, point, baseline, metric, direction))
             elif compared:
                 more = unmeasured(run, point, baseline, metric)
-            row(point, metric, "1", interval, len(errors), formula=formula, **more)
+            row(point, metric, "1", interval, len(errors), formula=formula, machine=by, **more)
     return rows, restless
+
+
+def made_by(run: SceneRun) -> dict:
+    """What made a scene's numbers: enough to make any of them again, and to show its image and its frame."""
+    reference = run.study.reference
+    values = [s.round_values(each["order"], [float(np.median(turn)) for turn in each["ms"]]) for each in run.rounds]
+    return {
+        "scene": run.scene.name, "file": absolute(run.scene.file), "camera": run.scene.camera, "time": run.scene.time,
+        "overlays": [absolute(each) for each in run.scene.overlays], "devices": run.executor.place()["devices"],
+        "arguments": [list(each) for each in run.scene.arguments], "device": run.options.device,
+        "reference": None if reference is None else {
+            "graph": absolute(reference.graph), "settings": list(reference.settings), "parts": reference.parts,
+            "image": run.kept.get(REFERENCE)},
+        "points": [{
+            "name": point.name, "variant": point.variant, "knobs": [list(each) for each in point.knobs],
+            "graph": absolute(point.graph), "settings": list(point.settings), "image": run.kept.get(point.name),
+            "explained": run.explained.get(point.name),
+            "device": run.measured.get(point.name, {}).get("device"),
+        } for point in run.study.points],
+        # Of each round the mean logarithm of milliseconds; the first point takes part twice.
+        "rounds": [{name: round(value, 7) for name, value in each.items()} for each in values],
+    }
+
+
+def absolute(file: str) -> str:
+    """A file's whole path; what comes with Heddle goes by its name."""
+    path = pathlib.Path(file)
+    return str(path.resolve()) if path.exists() else file
+
+
+def command_line() -> str:
+    """What was typed, as near as Python knows."""
+    return shlex.join(["heddle", *sys.argv[1:]] if sys.argv[1:2] == ["study"] else ["heddle", "study"])
 
 
 def is_finite(found: dict, metric: str) -> bool:
@@ -688,7 +717,7 @@ def error_verdict(run: SceneRun, point: Point, baseline: Point, metric: str, dir
         return verdict
     # Told as it is: what is better has more of it.
     found = verdict.difference
-    return definition.dataclasses.replace(
+    return dataclasses.replace(
         verdict, difference=s.Interval(-found.value, -found.high, -found.low, found.confidence))
 
 
@@ -705,6 +734,13 @@ def mark_front(rows: list[dict], metric: str) -> None:
         for key, (time_, error) in points.items():
             beaten = any(t <= time_ and e <= error and (t, e) != (time_, error) for t, e in points.values())
             errors[key]["is_on_front"] = not beaten
+
+
+def mark_dominated(rows: list[dict], found: list[dict], metric: str) -> None:
+    by = {(each["scene"], each["variant"], each["knobs"]): each["by"] for each in found}
+    for row in rows:
+        if row["quantity"] == metric and (row["scene"], row["variant"], row["knobs"]) in by:
+            row["dominated_by"] = by[row["scene"], row["variant"], row["knobs"]]
 
 
 def write_table(folder: pathlib.Path, rows: list[dict], report: dict) -> None:
@@ -752,17 +788,22 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
 
     with Host(options.device, log=lambda *_: None) as host:
         if options.role is not None:
-            if not options.files:
+            if not options.files and not options.scene:
                 raise Error(2, "error: --role needs a scene\n  help:     heddle study --role ambient_occlusion atrium.py")
-            study = definition.of_role(host, options.role, options.files, options.set)
+            study = definition.of_role(host, options.role, [*options.files, *options.scene], options.set, options.climb)
         elif len(options.files) != 1 or options.set:
             raise Error(2, "error: heddle study takes one study file, or --role ROLE with scenes\n  found:    "
                            f"{len(options.files)} files" + (" and --set" if options.set else ""))
         else:
-            study = definition.read(host, options.files[0])
+            study = definition.read(host, options.files[0], options.scene)
+        return measure_study(options, host, study, say, stop)
+
+
+def measure_study(options: argparse.Namespace, host: Host, study: Study, say: Callable[[str], None],
+                  stop: Callable[[], None]) -> int:
     if options.rounds is not None and options.rounds < s.FEWEST_ROUNDS:
         raise Error(2, f"error: --rounds {options.rounds}\n  expected: at least {s.FEWEST_ROUNDS}: fewer decide nothing")
-    study = definition.dataclasses.replace(study, **{key: value for key, value in (
+    study = dataclasses.replace(study, **{key: value for key, value in (
         ("rounds", options.rounds), ("budget_minutes", options.budget)) if value is not None})
     folder = pathlib.Path(options.folder or pathlib.Path("out") / study.name)
     say(f"{study.title}: {len(study.scenes)} scenes, {len(study.points)} points, {study.rounds} rounds of "
@@ -777,37 +818,95 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
     except OSError as error:
         raise Error(UNGATED, f"error: the folder '{folder}' for the results cannot be made: {error.strerror}\n"
                              "  help:     --folder says where they go") from error
+    executor = executor_of(options, folder, say, stop)
+    try:
+        rows, restless, more = measure_scenes(study, options, folder, store, contents, host, executor, say, stop)
+    finally:
+        executor.close()
+    # They build on this module, and import it.
+    from . import cost_model, domination, leave_one_out, study_chart
+    from . import report as page
+
+    chart = study_chart.draw(study, rows, folder)
+    print_summary(study, rows, restless)
+    domination.print_list(more["dominated"], study.metrics[0])
+    leave_one_out.print_table(more["leave_one_out"])
+    cost_model.print_models(more["cost_models"])
+    for name in ("results.csv", "results.json"):
+        say(f"wrote {folder / name}")
+    over = study_chart.draw_over_scenes(study, rows, folder)
+    if over:
+        say(f"wrote {over}")
+    if chart or not over:
+        say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
+    say(f"wrote {page.write(folder)}")
+    return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
+
+
+def executor_of(options: argparse.Namespace, folder: pathlib.Path, say: Callable[[str], None],
+                stop: Callable[[], None]) -> Here:
+    """Who does the work: this process, or a cluster."""
+    if options.cluster is None:
+        return Here(options.device, options.timeout, folder, say, stop)
+    from .study_cluster import Cluster
+
+    return Cluster(options.cluster, options.device, options.timeout, say, stop)
+
+
+def measure_scenes(study: Study, options: argparse.Namespace, folder: pathlib.Path, store: Store, contents: Contents, host: Host,
+                   executor: Here, say: Callable[[str], None], stop: Callable[[], None]
+                   ) -> tuple[list[dict], dict[str, list[str]], dict[str, list[dict]]]:
+    """All rows, what speaks against the machine by scene, and measure_more(). The tables are written after each scene."""
+    from . import leave_one_out
+
+    more: dict[str, list[dict]] = {}
+    made: list[dict] = []
     rows: list[dict] = []
     restless: dict[str, list[str]] = {}
     begun = time.monotonic()
     for number, scene in enumerate(study.scenes):
-        run = SceneRun(study, scene, store, options, folder, contents, say, stop, begun + 60 * study.budget_minutes)
-        try:
-            run.load_points()
-            run.warm_up()
-            rest = run.estimate_seconds() * (len(study.scenes) - number)  # other scenes take as long, for all that is known
-            say(f"{scene.name}: about {duration(rest)} to go, and the reference; {study.budget_minutes:g} min at most")
-            run.check_budget(rest)
-            run.measure_errors()
-            with timing_alone(say, stop):
-                run.measure_times()
-                run.measure_passes()
-        finally:
-            run.close()
-        own, restless[scene.name] = rows_of(run)
-        rows += own
+        run = SceneRun(study, scene, store, options, folder, host, executor, contents, say, stop,
+                       begun + 60 * study.budget_minutes)
+        run.identify()
+        run.warm_up()
+        rest = run.estimate_seconds() * (len(study.scenes) - number)  # other scenes take as long, for all that is known
+        say(f"{scene.name}: about {duration(rest)} to go, and the reference; {study.budget_minutes:g} min at most")
+        run.check_budget(rest)
+        run.measure_errors()
+        with executor.timing():
+            run.measure_times()
+            run.measure_passes()
+            found = measure_more(run)
+        own_rows, restless[scene.name] = rows_of(run)
+        rows += own_rows + leave_one_out.table_rows(study.name, found["leave_one_out"])
         mark_front(rows, study.metrics[0])
-        report = {"study": definition.dataclasses.asdict(study), "heddle": version(), "machine": machine(),
-                  "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER}
+        mark_dominated(rows, found["dominated"], study.metrics[0])
+        for key, each in found.items():
+            more.setdefault(key, []).extend(each)
+        made.append(made_by(run))
+        machines = executor.machines()
+        used = {row["machine"] for row in rows if row.get("machine")}
+        report = {"study": dataclasses.asdict(study), "heddle": version(), "machine": executor.place()["machine"],
+                  "machines": {each["id"]: each for each in machines if each["id"] in used},
+                  "restless": restless, "false_verdicts": s.FALSE_VERDICTS, "power": s.POWER,
+                  "command": command_line(), "made_by": made, "files": contents.known()} | more
         write_table(folder, finite(rows), report)
-    from . import study_chart
+    return rows, restless, more
 
-    chart = study_chart.draw(study, rows, folder)
-    print_summary(study, rows, restless)
-    for name in ("results.csv", "results.json"):
-        say(f"wrote {folder / name}")
-    say(f"wrote {chart}" if chart else study_chart.why_none(study, rows))
-    return gate(rows) if options.gate else (0 if all(row["state"] == "ok" for row in rows) else 4)
+
+def measure_more(run: SceneRun) -> dict[str, list[dict]]:
+    """What results.json has beside its rows, each key with a list that the study's scenes add to."""
+    from . import cost_model, domination, leave_one_out
+
+    return {"leave_one_out": leave_one_out.measure(run), "cost_models": cost_model.measure(run),
+            "dominated": domination.measure(run)}
+
+
+def more_seconds(run: SceneRun) -> float:
+    """What measure_more() will take."""
+    from . import cost_model, leave_one_out
+
+    return leave_one_out.estimate_seconds(run) + cost_model.estimate_seconds(run)
 
 
 def gate(rows: list[dict]) -> int:

@@ -8,16 +8,58 @@ with its standard input.
 
 from __future__ import annotations
 
+import errno
+import io
 import json
 import os
 import pathlib
 import sys
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from . import Error, Graph, Host, Scene
 from .__main__ import Update, imported_files, load_scene, scene_path, stays
+from .study import extended
+
+
+def open_scene(host: Host, described: Mapping[str, Any]) -> tuple[Scene, Update, list[str]]:
+    """A scene with its overlays and camera, at its time, what moves it, and the files that it was made of.
+
+    described: {"file", "arguments": [[name, value]] of a Python scene, "overlays", "camera": name or None, "time"}
+    """
+    scene = host.scene()
+    try:
+        update = load_scene(scene, described["file"], arguments=dict(described["arguments"]))
+        for overlay in described["overlays"]:
+            scene.load(overlay)
+        cameras = scene.describe().get("cameras", [])
+        if described["camera"] is not None:
+            if described["camera"] not in cameras:
+                raise Error(2, f"the scene has no camera '{described['camera']}'\n  expected: one of {', '.join(cameras)}")
+            scene.use_camera(cameras.index(described["camera"]))
+        update(scene, described["time"])
+        own = {str(scene_path(described["file"])), str(pathlib.Path(__file__).with_name("shapes.py"))}
+        return scene, update, sorted(own | {*described["overlays"], *scene.files(), *imported_files(described["file"])})
+    except BaseException:
+        scene.close()
+        raise
+
+
+def open_graph(host: Host, graph: str, settings: Sequence[str], adds: str | None = None) -> Graph:
+    """A graph; adds: what stands behind its passes, as TOML. raises: Error"""
+    return host.graph(graph, settings) if adds is None else host.parse(extended(graph, adds), f"{graph}, extended", "", settings)
+
+
+def host_bytes() -> dict[str, int]:
+    """Of this process, all graphs and the scene in it: what it holds now, and the most that it ever held."""
+    found = {}
+    for line in pathlib.Path("/proc/self/status").read_text().splitlines():
+        for key, name in (("VmRSS:", "process_bytes"), ("VmHWM:", "process_peak_bytes")):
+            if line.startswith(key):
+                found[name] = 1024 * int(line.split()[1])
+    return found
 
 
 class Worker:
@@ -28,31 +70,35 @@ class Worker:
         self.time = 0.0
         self.graphs: dict[str, Graph] = {}
 
+    def devices(self, device: str | None) -> dict:
+        """The devices with their drivers that are there."""
+        with Host(device, log=lambda *_: None) as host:
+            return {"devices": host.devices()}
+
     def open(self, scene: dict, device: str | None) -> dict:
         """The host, and the scene with its overlays and camera. Answers with the files that it was made of, and the devices
         with their drivers that are there."""
         self.host = Host(device, log=lambda severity, text: print(text, file=sys.stderr) if severity < 2 else None)
-        self.scene = self.host.scene()
         self.time = scene["time"]
-        self.update = load_scene(self.scene, scene["file"])
-        for overlay in scene["overlays"]:
-            self.scene.load(overlay)
-        cameras = self.scene.describe().get("cameras", [])
-        if scene["camera"] is not None:
-            if scene["camera"] not in cameras:
-                raise Error(2, f"the scene has no camera '{scene['camera']}'\n  expected: one of {', '.join(cameras)}")
-            self.scene.use_camera(cameras.index(scene["camera"]))
-        self.update(self.scene, self.time)
-        own = {str(scene_path(scene["file"])), str(pathlib.Path(__file__).with_name("shapes.py"))}
-        files = own | {*scene["overlays"], *self.scene.files(), *imported_files(scene["file"])}
-        return {"files": sorted(files), "devices": self.host.devices()}
+        self.scene, self.update, files = open_scene(self.host, scene)
+        return {"files": files, "devices": self.host.devices()}
 
-    def load(self, point: str, graph: str, settings: list[str], keep: str) -> dict:
-        """A graph with its settings, under the name of a point. Plans nothing yet. Answers with its files."""
+    def load(self, point: str, graph: str, settings: list[str], keep: str | None, adds: str | None = None) -> dict:
+        """A graph with its settings, and passes that it does not have, as TOML, under the name of a point. keep: the port that
+        will be read. Plans nothing yet. Answers with its files."""
         assert self.host is not None
-        made = self.graphs[point] = self.host.graph(graph, settings)
-        made.keep(keep)
+        made = self.graphs[point] = open_graph(self.host, graph, settings, adds)
+        if keep is not None:
+            made.keep(keep)
         return {"files": made.files()}
+
+    def passes(self, point: str) -> dict:
+        """What became of each pass in a frame: [{"name", "role", "technique", "is_pruned", "reason"}]."""
+        graph = self.graphs[point]
+        graph.render(self._scene(), time=self.time, anew=True)
+        known = ("name", "role", "technique", "is_pruned", "reason")
+        return {"passes": [{key: each[key] for key in known} for each in json.loads(graph.explain("json"))["passes"]],
+                "output": graph.describe()["output"]}
 
     def render(self, point: str, frames: int, seed: int = 0, cut: bool = False) -> dict:
         """Frames that measure nothing but themselves: milliseconds from submission to fence of each."""
@@ -74,15 +120,32 @@ class Worker:
                 passes.setdefault(name, []).append(ms)
         graph.render(self._scene(), time=self.time, anew=True)
         stats = graph.stats()
-        return {"passes": passes, "memory": stats["memory"], "counters": stats["counters"], "device": stats["device"]}
+        return {"passes": passes, "memory": stats["memory"] | host_bytes(), "counters": stats["counters"], "device": stats["device"],
+                "counts": stats["counts"], "instances": stats["instances"]}
+
+    def ports(self, point: str, of: str) -> dict:
+        """Images that a pass makes."""
+        ports = self.graphs[point].describe()["ports"]
+        return {"images": [each["name"] for each in ports if each["type"] == "image" and each["name"].startswith(f"{of}.")]}
 
     def read(self, point: str, port: str, file: str) -> dict:
         """Writes a port of the last frame as an array of numpy, whole or not at all."""
-        partial = f"{file}.{os.getpid()}.partial.npy"
+        partial = pathlib.Path(f"{file}.{os.getpid()}.partial")
         pixels = self.graphs[point].read(port)
-        np.save(partial, pixels)
-        pathlib.Path(partial).replace(file)
+        try:
+            content = io.BytesIO()  # np.save into a full disk says no reason
+            np.save(content, pixels)
+            partial.write_bytes(content.getbuffer())
+            partial.replace(file)
+        except OSError:
+            partial.unlink(missing_ok=True)
+            raise
         return {"shape": pixels.shape}
+
+    def explain(self, point: str) -> dict:
+        """How a frame is planned: its passes, which of them were dropped and why, what they read and write, memory."""
+        self.graphs[point].render(self._scene(), time=self.time, anew=True)
+        return {"explain": json.loads(self.graphs[point].explain("json"))}
 
     def forget(self, point: str) -> dict:
         self.graphs.pop(point).close()
@@ -104,6 +167,8 @@ def main() -> None:
             answer = getattr(worker, request.pop("do"))(**request)
         except Error as error:
             answer = {"error": str(error), "status": error.status}
+        except OSError as error:  # of what the study writes: a disk that is full. Libraries and scenes raise Error
+            answer = {"error": f"{error.strerror}: {error.filename or request.get('file', '')}", "errno": error.errno or errno.EIO}
         print(json.dumps(answer), file=answers, flush=True)
     if worker.host is not None:
         worker.host.close()

@@ -3,6 +3,7 @@
 
 Street lamps are spots, shop windows rectangles, lanterns spheres, strings of bulbs points, and cars drive by with two
 headlights each: update(scene, time) moves them. Everything random has a seed. Night: exposures of 4 to 7.
+build(scene, lights=64) lights an even choice of so many of them; everything else stays.
 """
 
 import numpy as np
@@ -13,6 +14,7 @@ LENGTH, WIDTH = 160.0, 9.0  # metres
 HOUSES = 20  # along each side
 CARS = 8
 BULBS, LANTERNS = 344, 80  # the rest of the 512: 40 street lamps, 32 windows, 16 headlights
+LIGHTS = 512
 SPEED = 8.0  # metres a second
 
 _cars = []  # (instance, lights, lane, start), of the scene that was built last
@@ -32,7 +34,23 @@ def car_shape() -> dict:
     return shapes.merge(body, cabin, *[shapes.moved(turned, (x, 0.32, z)) for x in (-1.4, 1.4) for z in (-0.8, 0.8)])
 
 
-def build(scene) -> None:
+class Lit:
+    """A scene of whose lights an even choice shines; those that do not are None."""
+
+    def __init__(self, scene, lights: int):
+        self.scene, self.lights, self.asked = scene, lights, 0
+
+    def __call__(self, *arguments, **more):
+        self.asked += 1
+        if self.asked * self.lights // LIGHTS == (self.asked - 1) * self.lights // LIGHTS:
+            return None
+        return self.scene.light(*arguments, **more)
+
+
+def build(scene, lights: int = LIGHTS) -> None:
+    if not 1 <= lights <= LIGHTS:
+        raise ValueError(f"{lights} lights: 1 to {LIGHTS} are there")
+    light = Lit(scene, lights)
     generator = np.random.default_rng(21)
     half, side = LENGTH / 2, WIDTH / 2
     material = {
@@ -84,7 +102,7 @@ def build(scene) -> None:
             if i % 5 != 4 and shops < 32:
                 shops += 1
                 place(shop, x, 0.5, front - sign * 0.03, turn=turn)
-                scene.light("rectangle", (14, 9, 4.5), (x, 1.6, front - sign * 0.04), (0, 0, -sign), range=14, tangent=(1, 0, 0),
+                light("rectangle", (14, 9, 4.5), (x, 1.6, front - sign * 0.04), (0, 0, -sign), range=14, tangent=(1, 0, 0),
                             half_extent=(1.5, 1.1, 0), casts_shadow=False, name=f"shop {shops}")
 
     # Street lamps every eight metres, both sides.
@@ -97,7 +115,7 @@ def build(scene) -> None:
             x, z = -half + 4 + i * 8, sign * (side + 0.3)
             place(pole, x, 0.15, z, turn=0.0 if sign < 0 else np.pi)
             place(bulb, x, 4.97, z - sign * 1.0, size=(2, 2, 2))
-            scene.light("spot", color_of(2600) * 1400, (x, 4.93, z - sign * 1.0), (0, -1, 0), range=16, inner_angle=0.6,
+            light("spot", color_of(2600) * 1400, (x, 4.93, z - sign * 1.0), (0, -1, 0), range=16, inner_angle=0.6,
                         outer_angle=1.2, casts_shadow=False, name=f"street lamp {i} {'north' if sign < 0 else 'south'}")
 
     # Strings of bulbs over the street, in a parabola, with a wire; and lanterns between them.
@@ -109,14 +127,14 @@ def build(scene) -> None:
         place(mesh(shapes.tube(line + (0, 0.06, 0), 0.008, 4), f"wire {s}", "iron"), 0, 0, 0)
         for k, (bx, by, bz) in enumerate(line):
             place(bulb, bx, by, bz)
-            scene.light("point", color_of(generator.uniform(1800, 3200)) * 3.0, (bx, by, bz), range=5.0, casts_shadow=False,
+            light("point", color_of(generator.uniform(1800, 3200)) * 3.0, (bx, by, bz), range=5.0, casts_shadow=False,
                         name=f"bulb {s} {k}")
     ball = mesh(shapes.sphere(0.22, 16), "lantern", "lantern")
     for k in range(LANTERNS):
         x, z = -half + (k + 0.5) * LENGTH / LANTERNS, (side + 1.6) * (1 if k % 2 else -1)
         y = 3.0 + 0.25 * generator.random()
         place(ball, x, y, z, size=(1, 1.25, 1))
-        scene.light("sphere", (24, 7, 2.5), (x, y, z), range=7.0, radius=0.22, casts_shadow=False, name=f"lantern {k}")
+        light("sphere", (24, 7, 2.5), (x, y, z), range=7.0, radius=0.22, casts_shadow=False, name=f"lantern {k}")
 
     # Cars in two lanes.
     _cars.clear()
@@ -128,9 +146,9 @@ def build(scene) -> None:
         lane = -1 if k % 2 else 1
         start = -half + (k + 0.5) * LENGTH / CARS
         instance = place(bodies[k % len(bodies)], 0, 0, 0)
-        lights = [scene.light("spot", color_of(4300) * 900, range=40.0, inner_angle=0.12, outer_angle=0.45, casts_shadow=False,
+        pair = [light("spot", color_of(4300) * 900, range=40.0, inner_angle=0.12, outer_angle=0.45, casts_shadow=False,
                               name=f"headlight {k} {side_name}") for side_name in ("left", "right")]
-        _cars.append((instance, lights, lane, start))
+        _cars.append((instance, pair, lane, start))
     update(scene, 0.0)
     scene.camera((-58, 1.7, 0.8), (-20, 2.6, -0.6), vertical_angle=0.95, name="walker")
     scene.camera((-70, 15, 3.0), (-30, 1, -1), vertical_angle=0.9, name="roof", use=False)
@@ -145,5 +163,7 @@ def update(scene, time: float) -> None:
         z = -lane * WIDTH / 4
         scene.move(instance, shapes.translation(x, 0, z) @ shapes.rotation_y(0.0 if lane > 0 else np.pi))
         for light, across in zip(lights, (-0.6, 0.6)):
+            if light is None:
+                continue
             scene.set_light(light, "spot", color_of(4300) * 900, (x + lane * 2.2, 0.65, z + across), (lane, -0.06, 0), range=40.0,
                             inner_angle=0.12, outer_angle=0.45, casts_shadow=False)

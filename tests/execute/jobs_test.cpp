@@ -509,6 +509,58 @@ TEST_F(Jobs, AreRunByFrameGraphsThatNameThem) {
   EXPECT_THAT(text, HasSubstr((folder_ / "others.toml").string()));
 }
 
+TEST_F(Jobs, TakeSettingsThroughTheGraphThatNamesThem) {
+  write("first.toml", kCountJob);
+  write("links.toml", std::string(kCountJob) + "inputs.base = \"first.toml#count.table\"\nparams.first = 10\n");
+  write("frames.toml",
+        "extent = [8, 8]\noutput = \"show.color\"\n"
+        "[[pass]]\nname = \"show\"\nrole = \"job_probe\"\ntechnique = \"show\"\ninputs.links = "
+        "\"links.toml#table\"\n");
+  const auto shown = [&](const std::vector<const char*>& settings) {
+    Host host(cache_);
+    EXPECT_EQ(heddle_graph_load(host.handle, (folder_ / "frames.toml").c_str(), settings.data(),
+                                static_cast<std::uint32_t>(settings.size()), &host.graph),
+              HEDDLE_OK)
+        << host.error();
+    return host.render();
+  };
+  const auto plain = shown({});
+  const auto larger = shown({"links.toml#count.params.first=20"});
+  EXPECT_EQ(larger[0], plain[0] + 10);
+  EXPECT_EQ(shown({"links.toml#count.params.first=15", "links.toml#count.params.first=20"})[0], larger[0])
+      << "the last word counts";
+  // A job that the job names, by the name that it is called there.
+  EXPECT_EQ(shown({"links.toml#first.toml#count.params.first=3"})[0], plain[0] + 3);
+
+  // In a graph that is there, and back.
+  Host host(cache_);
+  ASSERT_EQ(heddle_graph_load(host.handle, (folder_ / "frames.toml").c_str(), nullptr, 0, &host.graph), HEDDLE_OK);
+  EXPECT_EQ(host.render(), plain);
+  ASSERT_EQ(heddle_graph_set(host.graph, "links.toml#count.params.first=20"), HEDDLE_OK) << host.error();
+  EXPECT_EQ(host.render(), larger);
+  ASSERT_EQ(heddle_graph_reload(host.graph), HEDDLE_OK) << host.error();
+  EXPECT_EQ(host.render(), larger) << "settings outlast a reload";
+  ASSERT_EQ(heddle_graph_set(host.graph, "links.toml#count.params.first=10"), HEDDLE_OK) << host.error();
+  EXPECT_EQ(host.render(), plain);
+
+  EXPECT_EQ(heddle_graph_set(host.graph, "link.toml#count.params.first=1"), HEDDLE_BAD_INPUT);
+  EXPECT_EQ(host.error(),
+            "--set:1:1: error: no input of the graph names the job 'link.toml'\n"
+            "  found:    link.toml#count.params.first=1\n"
+            "  expected: one of links.toml\n"
+            "  help:     did you mean 'links.toml'?");
+  EXPECT_EQ(heddle_graph_set(host.graph, "links.toml#cuont.params.first=1"), HEDDLE_BAD_INPUT);
+  EXPECT_EQ(host.error(),
+            "--set:1:12: error: the graph has no pass 'cuont'\n"
+            "  found:    links.toml#cuont.params.first=1\n"
+            "  expected: one of count, extent, output, params, joins\n"
+            "  help:     did you mean 'count'?");
+  EXPECT_EQ(heddle_graph_set(host.graph, "links.toml#count.params.frist=1"), HEDDLE_BAD_INPUT);
+  EXPECT_THAT(host.error(), HasSubstr("--set:1:25: error: pass 'count': technique 'job_probe/count' has no parameter "
+                                      "'frist'"));
+  EXPECT_EQ(host.render(), plain) << "on an error the graph is as it was";
+}
+
 TEST_F(Jobs, StayWithTheirInputsWhenAReloadFails) {
   write("low.toml", std::string(kCountJob) + "params.first = 30\n");
   write("high.toml", std::string(kCountJob) + "params.first = 60\n");

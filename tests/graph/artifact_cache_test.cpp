@@ -90,17 +90,20 @@ TEST_F(ArtifactCacheTest, TellsEveryChangedByteAndEveryMissingEnd) {
   EXPECT_EQ(damage(), "it holds another key than its name says");
 }
 
-TEST_F(ArtifactCacheTest, TellsWhatIsNoFileAndLeavesIt) {
+TEST_F(ArtifactCacheTest, TellsWhatIsNoFileAndPutsOneInItsPlace) {
   const ArtifactCache cache(folder_, kPlenty);
   const auto part = bytes(40, 5);
-  fs::create_directories(cache.file(kKey));
+  fs::create_directories(cache.file(kKey) / "with" / "folders");
   EXPECT_EQ(damage(), "it is no file");
-  EXPECT_EQ(cache.write(kKey, {{"image", part}}),
-            "the artifact cache " + folder_.string() + " cannot be written: Is a directory");
-  EXPECT_EQ(count(), 1U) << "nothing unfinished";
   EXPECT_EQ(cache.write(kOther, {{"image", part}}), "") << "others have room beside it";
-  EXPECT_TRUE(fs::is_directory(cache.file(kKey)));
+  EXPECT_EQ(cache.write(kKey, {{"image", part}}), "");
+  EXPECT_TRUE(fs::is_regular_file(cache.file(kKey)));
+  EXPECT_EQ(count(), 2U) << "nothing unfinished";
+  EXPECT_EQ(damage(), "");
   cache.remove(kKey);
+  fs::create_directories(cache.file(kKey) / "again");
+  cache.remove(kKey);
+  EXPECT_FALSE(fs::exists(cache.file(kKey)));
   ASSERT_EQ(mkfifo(cache.file(kKey).c_str(), 0600), 0);
   EXPECT_EQ(damage(), "it is no file") << "and nobody waits for who writes to it";
   EXPECT_EQ(cache.write(kKey, {{"image", part}}), "");

@@ -173,7 +173,7 @@ Technique gbuffer_raster() {
     accesses.push_back(touch(name, HEDDLE_ACCESS_COLOR, HEDDLE_LOAD_CLEAR));
   accesses.push_back(touch("depth_buffer", HEDDLE_ACCESS_DEPTH, HEDDLE_LOAD_CLEAR));
   t.stages = {{"draw", StageKind::kGpu, accesses}};
-  t.shaders = {shader("surface", ShaderKind::kSurfaces, "draw")};
+  t.shaders = {shader("surface", ShaderKind::kSurfaces, "draw", {"texture_source"})};
   t.parameters = {choice("precision", {"packed", "float32"})};
   return t;
 }
@@ -317,6 +317,35 @@ Technique tiled() {
   return t;
 }
 
+/// A function that writes: whoever calls it appends to `requests`, which a stage reads two frames later.
+Technique virtual_texture() {
+  Technique t = technique("texture_source/virtual");
+  Port state = port("virtual_state", PortType::kValue, Direction::kOut);
+  state.byte_size = 48;
+  state.glsl = "uvec4 virtual_layout; uvec4 virtual_query; vec4 virtual_time;";
+  Port table = port("tile_table", PortType::kBuffer, Direction::kOut, HEDDLE_PORT_KEPT);
+  table.byte_size = 4096;
+  table.glsl = "uint tile_table[];";
+  Port requests = port("requests", PortType::kBuffer, Direction::kOut, HEDDLE_PORT_LIST);
+  requests.capacity = 4096;
+  requests.element_bytes = 8;
+  requests.glsl = "uvec2 requests[];";
+  t.ports = {state, table, requests, image_out_sized("tile_cache", VK_FORMAT_R8G8B8A8_SRGB, 64, 1, HEDDLE_PORT_KEPT)};
+  t.stages = {{"manage", StageKind::kCpu, {touch("requests", HEDDLE_ACCESS_HOST_READ), value("virtual_state")}, 2},
+              {"upload", StageKind::kGpu, {touch("tile_cache", HEDDLE_ACCESS_TRANSFER_WRITE)}},
+              {"publish", StageKind::kGpu, {written("tile_table")}}};
+  t.shaders = {shader("fill", ShaderKind::kCompute, "publish")};
+  t.functions = {{"texture_source",
+                  "virtual.glsl",
+                  {value("virtual_state"), touch("tile_table", HEDDLE_ACCESS_STORAGE_READ),
+                   touch("tile_cache", HEDDLE_ACCESS_SAMPLED_LINEAR), touch("requests", HEDDLE_ACCESS_APPEND)},
+                  {},
+                  false}};
+  t.features = {"texture_source.virtual"};
+  t.components = {"texture_source.virtual"};
+  return t;
+}
+
 Technique heat_map() {
   Technique t = technique("light_count/heat_map");
   t.ports = {image_in("depth"), value_in("camera"), value_in("lights"), image_out("count", VK_FORMAT_R32G32_SFLOAT),
@@ -325,6 +354,21 @@ Technique heat_map() {
                StageKind::kGpu,
                {sampled("depth"), value("camera"), value("lights"), written("count"), written("color")}}};
   t.shaders = {shader("count", ShaderKind::kCompute, "count", {"light_assignment"})};
+  return t;
+}
+
+Technique path_tracer() {
+  Technique t = technique("ray_tracing/path_tracer");
+  t.ports = {surfaces_in("surfaces"), value_in("camera"), value_in("lights"),
+             image_out_sized("sky_map", VK_FORMAT_R32G32B32A32_SFLOAT, 64, 32, HEDDLE_PORT_KEPT),
+             image_out("radiance", VK_FORMAT_R32G32B32A32_SFLOAT, HEDDLE_PORT_KEPT)};
+  t.parameters = {choice("emission", {"lights", "seen"})};
+  t.stages = {{"sky", StageKind::kGpu, {written("sky_map")}},
+              {"trace",
+               StageKind::kCpu,
+               {touch("sky_map", HEDDLE_ACCESS_HOST_READ), touch("surfaces", HEDDLE_ACCESS_HOST_READ), value("camera"),
+                value("lights"), touch("radiance", HEDDLE_ACCESS_HOST_WRITE)}}};
+  t.shaders = {shader("sky", ShaderKind::kCompute, "sky", {"sky", "surface_material"})};
   return t;
 }
 
@@ -384,8 +428,8 @@ Technique sorted() {
                StageKind::kGpu,
                {touch("surfaces", HEDDLE_ACCESS_DRAW), value("camera"), value("lights"), blended,
                 touch("depth_buffer", HEDDLE_ACCESS_DEPTH_READ)}}};
-  t.shaders = {
-      shader("blend", ShaderKind::kSurfaces, "draw", {"shadow", "surface_material", "sky", "light_assignment"})};
+  t.shaders = {shader("blend", ShaderKind::kSurfaces, "draw",
+                      {"shadow", "surface_material", "sky", "light_assignment", "texture_source"})};
   t.features = {"blended"};
   return t;
 }
@@ -437,8 +481,8 @@ PluginFolder::PluginFolder() {
   folder_ = pattern;
   for (const Technique& t :
        {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(), gtao(), ray_traced(),
-        baked(), bake_depth_maps(), shadow_map(), ray_marched_screen(), ggx(), tiled(), heat_map(), deferred(),
-        supersampled(), sorted(), display(), paint_dots()}) {
+        baked(), bake_depth_maps(), shadow_map(), ray_marched_screen(), ggx(), tiled(), virtual_texture(), heat_map(),
+        deferred(), path_tracer(), supersampled(), sorted(), display(), paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());

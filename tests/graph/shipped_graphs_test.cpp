@@ -66,7 +66,8 @@ void prove(const std::string& file, const Registry& registry, std::span<const st
 class ShippedGraphs : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedGraphs, ResolveWithEveryBarrierProven) {
-  const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface"};
+  const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface",
+                                          "texture_source.virtual"};
   prove(GetParam(), test_support::shared_registry(), {});
   prove(GetParam(), test_support::shared_registry(), features);
 }
@@ -79,9 +80,11 @@ TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
        {"sky/procedural", "sky/uniform", "sky/environment_map", "subdivision/catmull_clark", "gbuffer/raster",
         "ambient_occlusion/gtao", "ambient_occlusion/ray_traced", "ambient_occlusion/baked",
         "bake_visibility/depth_maps", "shadow/shadow_map", "shadow/ray_marched_screen", "surface_material/ggx",
-        "light_assignment/tiled", "light_count/heat_map", "lighting/deferred", "transparency/sorted", "display/linear"})
+        "light_assignment/tiled", "light_count/heat_map", "texture_source/virtual", "lighting/deferred",
+        "ray_tracing/path_tracer", "transparency/sorted", "display/linear"})
     if (registry.find(id).technique == nullptr) GTEST_SKIP() << id << " is not built";
-  const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface"};
+  const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface",
+                                          "texture_source.virtual"};
   prove(GetParam(), registry, {});
   prove(GetParam(), registry, features);
 }
@@ -96,6 +99,25 @@ TEST(DeferredGraph, RunsInTheOrderThatThePortsDemand) {
       sequence_of(graph, order(graph)),
       "sky.sun shadow.views sky.sky_map sky.filter gbuffer.draw ao.horizon ao.denoise shadow.draw material.tables "
       "lighting.light display.encode");
+}
+
+TEST(VirtualTextureGraph, CopiesWhatFunctionsAppendAfterAllThatCallThem) {
+  const std::array<std::string, 2> features{"blended", "texture_source.virtual"};
+  ResolvedGraph graph = resolve(read_graph(graphs() / "virtual_texture.toml"), test_support::shared_registry());
+  prune(graph, std::array{graph.output}, features);
+  // In every order that is right, not by chance.
+  for (const Order& sequence : find_orders(graph, 32).orders) {
+    const std::vector<ScheduledStage>& stages = sequence.stages;
+    const auto copy = std::ranges::find_if(stages, &ScheduledStage::is_read_back);
+    ASSERT_NE(copy, stages.end());
+    for (const char* caller : {"gbuffer", "transparency"}) {
+      const auto found = std::ranges::find_if(stages, [&](const ScheduledStage& stage) {
+        return graph.passes[stage.pass].name == caller && !stage.is_read_back;
+      });
+      ASSERT_NE(found, stages.end()) << caller;
+      EXPECT_LT(found - copy, 0) << caller;
+    }
+  }
 }
 
 TEST(DeferredGraph, DrawsAndTracesWhatSubdivisionMakes) {

@@ -37,6 +37,9 @@ def test_commands_and_options(bash):
     assert bash("heddle explain --format ") == ["dot", "json", "text"]
     assert bash("heddle completion ") == ["bash", "fish", "zsh"]
     assert bash("heddle schema s") == ["scene"]
+    assert bash("heddle study --role ao --climb ") == ["each", "together"]
+    assert bash("heddle baseline ") == ["check", "record"]
+    assert bash("heddle baseline check ambient") == ["ambient_occlusion"]
 
 
 def test_graphs_and_files(bash, tmp_path):
@@ -44,6 +47,7 @@ def test_graphs_and_files(bash, tmp_path):
     (tmp_path / "a b.toml").touch()
     assert bash("heddle run def") == ["deferred", "deft.glb"]
     assert bash("heddle run deferred --scene de") == ["deft.glb"]
+    assert bash("heddle view --b furn") == ["furnace"]
     assert bash("heddle run ./deft") == ["./deft.glb"]
     assert bash(r"heddle run a\ b") == ["a b.toml"]
 
@@ -52,12 +56,14 @@ def test_roles_and_passes(bash):
     assert bash("heddle list ambient") == ["ambient_occlusion"]
     assert bash("heddle new-technique sha") == ["shadow"]
     assert bash("heddle explain deferred --why a") == ["ao"]
+    assert bash("heddle tune deferred --pass a") == ["ao"]
 
 
 def test_settings_are_completed_part_by_part(bash):
     assert "ao." in bash("heddle run --set ")
     assert "ao.technique=" in bash("heddle run --set ao.")
     assert "ao.params.radius=" in bash("heddle run --set ao.params.")
+    assert "ao.params.radius=" in bash("heddle view --set-b ao.params.")
     assert bash("heddle run --set params.ex") == ["params.exposure="]
     assert bash("heddle run --set=ao.tech") == ["ao.technique="], "readline replaces what follows the ="
 

@@ -120,3 +120,24 @@ def test_an_error_of_one_host_is_not_the_others(alone):
         with pytest.raises(heddle.Error, match="no_such"):
             fails.graph("deferred", ["ao.technique=no_such"])
         assert same(frames_of(works, "one", 4), alone["one"])
+
+
+def test_graphs_that_show_a_scene_in_turn_see_the_same_motion():
+    settings = ["extent=[64,48]", "ao.technique=none"]
+    with heddle.Host() as host, host.graph("studio", settings) as one, host.graph("studio", settings) as two, \
+            host.scene() as scene:
+        fill(scene, 1.0)
+        place = np.eye(4)
+        seen = {one: [], two: []}
+        for graph in (one, two):
+            graph.keep("gbuffer.motion")
+        for frame, turns in enumerate([(one, two), (two, one), (one, two, one), (two, one)]):
+            place[0, 3] = 0.25 * frame
+            scene.move(0, place)
+            for graph in turns:
+                graph.render(scene)
+                seen[graph].append(np.array(graph.read("gbuffer.motion")))
+    fastest = [[round(float(np.abs(motion).max()), 2) for motion in seen[graph]] for graph in (one, two)]
+    assert [step > 0.5 for step in fastest[0]] == [False, True, True, False, True], fastest  # nothing has moved in between
+    assert [step > 0.5 for step in fastest[1]] == [False, True, True, True], fastest
+    assert np.array_equal(seen[one][1], seen[two][1])

@@ -333,6 +333,22 @@ def test_an_overlay_names_the_file(module_host, tmp_path):
     with pytest.raises(heddle.Error, match="this light has no face to show a texture on"):
         picture(lambda scene: scene.load(overlay))
 
+    # Its shape may be said elsewhere: by the scene that the overlay lies on.
+    overlay.write_text('[[light]]\nname = "lamp"\ntexture = "film.exr"\n')
+
+    def over(shape):
+        def fill(scene):
+            scene.light(shape, (1, 1, 1), half_extent=(1, 1, 0), name="lamp")
+            scene.load(overlay)
+        return fill
+
+    with pytest.raises(heddle.Error) as error:
+        picture(over("sphere"))
+    assert str(error.value) == (f"{overlay}:3:11: error: light 'lamp': this light has no face to show a texture on\n"
+                                "  found:    'lamp' is of the type sphere\n"
+                                "  expected: type = \"rectangle\"")
+    picture(over("rectangle"))
+
 
 def test_scenes_without_one_pay_nothing(module_host, tmp_path):
     """What the device holds, is given and does is the same as where the port is not bound."""

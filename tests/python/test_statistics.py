@@ -7,12 +7,17 @@ implementation a chance of 1 % at most.
 
 import csv
 import math
+import os
 import pathlib
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
+import heddle
 from heddle import statistics as s
+from heddle import study_items, study_worker
 
 RUNS = 10_000
 TRACES = pathlib.Path(__file__).parent / "frame_times.csv"
@@ -252,3 +257,46 @@ def test_errors_of_one_technique_are_told_apart_from_the_reference_s_own_noise()
 def test_numbers_are_never_made_of_nothing(call):
     with pytest.raises(ValueError):
         call()
+
+
+# ---- On this machine, as it is ----
+
+@pytest.mark.skipif(not os.environ.get("HEDDLE_TEST_ALL"), reason="minutes: scripts/test --all runs it")
+def test_equal_processes_on_a_busy_machine_rarely_get_a_verdict(tmp_path, capsys):
+    """20 studies of a technique against itself, in processes of its own, while another program computes."""
+    point = {"graph": "studio", "settings": ["extent=[32,18]"], "keep": "ao.visibility"}
+    scene = {"file": "heddle:scripts/scenes/cornell_box.py", "camera": "front", "time": 0.0, "overlays": [], "arguments": []}
+    contents = study_items.Contents()
+    with heddle.Host(log=lambda *_: None) as host, host.graph("studio", point["settings"]) as graph:
+        made, _, files = study_worker.open_scene(host, {**scene, "file": study_items.own(scene["file"])})
+        made.close()
+        graph.keep("ao.visibility")
+        point["expected"] = contents.of([*files, *graph.files()])
+    points = [{**point, "name": name, "owner": name} for name in ("a", "again", "b")]
+    load = subprocess.Popen([sys.executable, "-c", "while True: sum(range(10**6))"])
+    residents = study_items.Residents(scene, None, 300, tmp_path, lambda: None, contents)
+    words, unrest = [], []
+    try:
+        for study in range(20):
+            b, again, frames = [], [], []
+            for i, order in enumerate(s.turns(["a", "again", "b"], ROUNDS, 1000 * study)):
+                found = residents.do({"do": "round", "points": points, "order": order, "frames": 1, "port": "ao.visibility"})
+                values = s.round_values(order, [turn[0] for turn in found["ms"]])
+                b.append(values["b"] - values["a"])
+                again.append(values["again"] - values["a"])
+                frames += [turn[0] for name, turn in zip(order, found["ms"]) if name == "a"]
+            words.append(verdict(b, again).word)
+            others = found["others"][0] / found["others"][1]
+            unrest.append(s.unrest(frames, s.floor_of(again), math.log1p(0.02), others))
+    finally:
+        residents.close()
+        load.kill()
+        load.wait()
+    with capsys.disabled():
+        print(f"20 real A/A: {', '.join(f'{words.count(word)} {word}' for word in sorted(set(words)))}; "
+              f"{sum(map(bool, unrest))} were flagged")
+    # P(more than 3 of 20) = 0.14 % if each is false in 2.5 %; P(more than 2) = 1.3 %.
+    false = sum(word in (s.BETTER, s.WORSE) for word in words)
+    chance = sum(math.comb(20, k) * s.FALSE_VERDICTS**k * (1 - s.FALSE_VERDICTS) ** (20 - k) for k in range(false, 21))
+    assert chance >= 0.01, words
+    assert any(unrest)  # the load was there, and was seen

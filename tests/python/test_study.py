@@ -6,7 +6,9 @@ import argparse
 import csv
 import json
 import os
+import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import threading
@@ -17,10 +19,10 @@ import pytest
 import heddle
 from heddle import statistics as s
 from heddle import study as definition
-from heddle import study_run
+from heddle import study_items, study_run
 
 SMALL = """\
-title = "Small"
+leave_one_out = []
 role = "ambient_occlusion"
 graph = "studio"
 set = ["extent=[32,18]"]
@@ -47,7 +49,7 @@ parts = 4
 
 def options(**given):
     known = {"files": [], "role": None, "set": [], "folder": None, "device": None, "rounds": None, "budget": None,
-             "timeout": 120.0, "dry_run": False, "gate": False, "quiet": True}
+             "timeout": 120.0, "cluster": None, "scene": [], "climb": "together", "dry_run": False, "gate": False, "quiet": True}
     return argparse.Namespace(**(known | given))
 
 
@@ -77,7 +79,8 @@ def refusal(host, tmp_path, text):
 def lock_of_our_own(tmp_path_factory):
     # Tests measure nothing that another study on this machine could disturb, and must not wait for it.
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(study_run, "LOCK", tmp_path_factory.mktemp("lock") / "lock")
+        patch.setattr(study_items, "LOCK", tmp_path_factory.mktemp("lock") / "lock")
+        study_items.fingerprint(None)  # of this machine as it is, before tests change what is seen of it
         yield
 
 
@@ -122,6 +125,8 @@ def lock_of_our_own(tmp_path_factory):
     ('metrics = ["rmse", "ssim"]', "metrics = []", "5:1", "'metrics' is empty"),
     ('camera = "front"', "cameras = []", "10:1", "'cameras' is empty"),
     ('technique = "gtao"\nset = ["ao.params.steps=2"]', 'graph = "furnace"', "13:1", "the variant's graph has no port 'ao.visibility'"),
+    ('set = ["ao.params.samples=64"]', 'set = ["extent=[32,20]"]', "21:1", "the reference is of another size than variant 'few'\n"
+     "  found:    32 x 20\n  expected: 32 x 18"),
     ("parts = 4", "parts = 0", "22:1", "'parts' is out of range"),
     ("parts = 4", "parts = ", "22:9", "this is no TOML"),
 ])
@@ -143,9 +148,9 @@ def test_a_variant_without_the_pass_is_one_where_its_port_stays(host, tmp_path):
 
 def test_a_mistake_is_not_followed_by_others_that_it_makes(host, tmp_path):
     with pytest.raises(heddle.Error) as raised:
-        definition.of_role(host, "shadow", ["cornell_box.py"], [])
+        definition.of_role(host, "light_assignment", ["cornell_box.py"], [])
     errors = re.findall(r"error: (.*)", str(raised.value))
-    assert len(errors) == 2 and "passes of role 'shadow'" in errors[0] and "is no image" in errors[1]
+    assert len(errors) == 2 and "0 passes of role 'light_assignment'" in errors[0] and "is no image" in errors[1]
     text = refusal(host, tmp_path, SMALL.replace('role = "ambient_occlusion"', 'role = "ambient"'))
     assert len(re.findall("error:", text)) == 1
     assert len(re.findall(r"^/small.toml", refusal(host, tmp_path, SMALL.replace('"studio"', '"stduio"')), re.M)) == 1
@@ -175,8 +180,48 @@ def test_a_study_without_scenes_or_variants_is_none(host, tmp_path):
 
 
 def test_a_role_without_an_image_asks_for_a_port(host, tmp_path):
-    text = SMALL.replace("ambient_occlusion", "shadow").replace('technique = "gtao"', 'technique = "shadow_map"')
+    text = SMALL.replace("ambient_occlusion", "surface_material").replace('technique = "gtao"', 'technique = "ggx"')
     assert "'port' says which image is compared" in refusal(host, tmp_path, text)
+
+
+SHADOWS = """\
+leave_one_out = []
+role = "shadow"
+set = ["extent=[48,27]"]
+rounds = 7
+frames = 1
+[[scene]]
+file = "cornell_box.py"
+[[variant]]
+name = "maps"
+technique = "shadow_map"
+[[variant]]
+name = "no shadow"
+technique = "none"
+[reference]
+technique = "shadow_map"
+"""
+
+
+def test_what_a_function_answers_is_compared_as_an_image(host, tmp_path):
+    study = definition.read(host, written(tmp_path, SHADOWS))
+    # Of two passes the one that has the role's own name; the other, which answers as well, is not asked.
+    assert (study.port, study.pass_name, study.function_image) == (definition.FUNCTION_PORT, "shadow", "shadow")
+    asked, ask = [], study_items.Worker.ask
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(study_items.Worker, "ask", lambda self, do, **a: asked.append((do, a)) or ask(self, do, **a))
+        assert run(tmp_path, SHADOWS) == 0
+    timed = [a for do, a in asked if do == "load" and a["adds"] is None]
+    shown = [a for do, a in asked if do == "load" and a["adds"] is not None]
+    assert {a["point"] for a in timed} == {"maps", "no shadow", study_items.AGAIN} and all(a["keep"] is None for a in timed)
+    assert {a["point"] for a in shown} == {"maps (image)", "no shadow (image)", study_items.REFERENCE}
+    assert [a["adds"].splitlines()[-1] for a in shown if a["point"] == "no shadow (image)"] == ["functions.shadow = []"]
+    assert not any(do in ("render", "profile") and a["point"].endswith("(image)") and "seed" not in a for do, a in asked)
+    rows = {row["variant"]: row for row in table(tmp_path) if row["quantity"] == "rmse"}
+    assert float(rows["maps"]["value"]) == 0.0
+    reference = np.load(tmp_path / "out" / "reference_cornell_box.npy")
+    assert 0.0 < reference.mean() < 1.0  # some pixels are in shadow, others are not
+    assert float(rows["no shadow"]["value"]) == pytest.approx(np.sqrt(np.mean((1 - reference) ** 2)), rel=1e-6)
 
 
 def test_what_a_file_leaves_open_the_role_says(host, tmp_path):
@@ -214,9 +259,9 @@ def test_ladders_are_climbed_together():
 
 def measured_run(study, errors):
     """What rows_of() reads of a run whose errors are known."""
-    found = {name: {"seeds": {"psnr": seeds}, "parts": {"psnr": []}, "is_random": False} for name, seeds in errors.items()}
+    found = {name: {"seeds": {"psnr": seeds}, "parts": {"psnr": []}, "is_random": False, "machine": "m"} for name, seeds in errors.items()}
     return argparse.Namespace(study=study, scene=study.scenes[0], state={p.name: ("ok", "") for p in study.points}, rounds=[],
-                              changing={}, measured={}, errors=found, foreign=None)
+                              changing={}, measured={}, errors=found, foreign=None, machine="m")
 
 
 @pytest.mark.parametrize(("few", "one", "four", "verdicts", "note"), [
@@ -262,7 +307,10 @@ def test_the_table_has_every_point_and_quantity_with_its_interval(finished):
         assert {(row["variant"], row["knobs"]) for row in own} == points
         for row in own:
             assert float(row["low"]) <= float(row["value"]) <= float(row["high"]) and row["unit"] == unit
-    assert any(row["quantity"] == "memory transient_bytes" for row in rows)
+    for name in ("transient_bytes", "process_bytes", "process_peak_bytes"):  # of the device, and of the host
+        own = [row for row in rows if row["quantity"] == f"memory {name}"]
+        assert len(own) == 3 and all(float(row["value"]) > 0 and row["unit"] == "bytes" and row["formula"] for row in own)
+    assert {row["machine"] for row in rows} == {study_items.fingerprint(None)["id"]}
     assert any(row["quantity"].startswith("count ") for row in rows)
     told = {row["verdict"] for row in rows if row["against"]}
     assert told <= {s.BETTER, s.WORSE, s.SAME, s.UNDECIDED} and told
@@ -318,19 +366,37 @@ def test_json_says_what_the_table_does(finished):
     assert len(report["rows"]) == len(table(finished))
     assert report["machine"]["processors"] == os.cpu_count()
     assert set(report["restless"]) == {"cornell_box front"}
+    assert {row["machine"] for row in report["rows"]} == set(report["machines"])
+    assert all(each["devices"] and each["build"]["version"] == heddle.version() for each in report["machines"].values())
 
 
 def test_what_is_measured_is_not_measured_again(finished, monkeypatch):
     asked = []
-    ask = study_run.Worker.ask
-    monkeypatch.setattr(study_run.Worker, "ask", lambda self, do, **a: asked.append((do, a.get("point"))) or ask(self, do, **a))
+    ask = study_items.Worker.ask
+    monkeypatch.setattr(study_items.Worker, "ask", lambda self, do, **a: asked.append((do, a.get("point"))) or ask(self, do, **a))
     measured = {file.name: file.stat().st_mtime_ns for file in (finished / "out" / "measured").iterdir()}
     before = table(finished)
     assert run(finished) == 0
     assert {file.name: file.stat().st_mtime_ns for file in (finished / "out" / "measured").iterdir()} == measured
-    assert not [each for each in asked if each[0] in ("profile", "read") or each == ("render", study_run.REFERENCE)]
-    assert [row for row in table(finished) if row["quantity"] in ("frame", "rmse")] == [
-        row for row in before if row["quantity"] in ("frame", "rmse")]
+    assert not asked  # not even a process of a variant is started
+    assert table(finished) == before
+
+
+def test_a_changed_variant_is_measured_again_alone(finished, tmp_path, monkeypatch):
+    shutil.copytree(finished / "out", tmp_path / "out")
+    before = {row["variant"] + row["knobs"]: row for row in table(tmp_path) if row["quantity"] == "frame"}
+    kept = sum(len(file.read_text().splitlines()) for file in (tmp_path / "out" / "measured").glob("*.jsonl"))
+    asked, ask = [], study_items.Worker.ask
+    monkeypatch.setattr(study_items.Worker, "ask", lambda self, do, **a: asked.append((do, a.get("point"))) or ask(self, do, **a))
+    assert run(tmp_path, SMALL.replace("samples = [1, 4]", "samples = [1, 2]")) == 0
+    assert {name for do, name in asked if do == "read"} == {"rays samples=2"}  # the reference's images are there too
+    assert {name for do, name in asked if do == "profile"} == {"rays samples=2"}
+    assert {name for do, name in asked if do == "render"} == {"few", study_items.AGAIN, "rays samples=2"}
+    rows = {row["variant"] + row["knobs"]: row for row in table(tmp_path) if row["quantity"] == "frame"}
+    assert rows["rayssamples=1"]["value"] == before["rayssamples=1"]["value"]
+    assert rows["rayssamples=2"]["samples"] == before["rayssamples=4"]["samples"] == "14"
+    times = [json.loads(line) for file in (tmp_path / "out" / "measured").glob("*.jsonl") for line in file.read_text().splitlines()]
+    assert len(times) == kept + 7 and set(times[-1]["order"]) == {"few", study_items.AGAIN, "rays samples=2"}
 
 
 def test_an_interrupted_study_goes_on(tmp_path, monkeypatch):
@@ -357,23 +423,23 @@ def test_a_study_that_goes_on_keeps_its_warnings(tmp_path, monkeypatch):
     # Many processors that others keep busy: each look finds an hour more of each, of which none are the study's.
     looks = iter(range(10**6))
     monkeypatch.setattr(os, "cpu_count", lambda: 1000)
-    monkeypatch.setattr(study_run, "busy_seconds", lambda: 1000 * 3600.0 * next(looks))
+    monkeypatch.setattr(study_items, "busy_seconds", lambda: 1000 * 3600.0 * next(looks))
     monkeypatch.setattr(s, "warm_up", lambda *_: None)
     assert run(tmp_path) == 0
     before = json.loads((tmp_path / "out" / "results.json").read_text())["restless"]["cornell_box front"]
     monkeypatch.undo()
-    monkeypatch.setattr(study_run, "LOCK", tmp_path / "lock")
+    monkeypatch.setattr(study_items, "LOCK", tmp_path / "lock")
     monkeypatch.setattr(os, "cpu_count", lambda: 1000)
-    monkeypatch.setattr(study_run, "busy_seconds", lambda: 0.0)
+    monkeypatch.setattr(study_items, "busy_seconds", lambda: 0.0)
     assert run(tmp_path) == 0
     assert json.loads((tmp_path / "out" / "results.json").read_text())["restless"]["cornell_box front"] == before
     assert any("other programs used" in text for text in before)
     assert sum("still changing" in text for text in before) == 3
 
 
-@pytest.mark.parametrize(("number", "timeout", "state"), [(signal.SIGKILL, 60.0, "crashed"), (signal.SIGSTOP, 8.0, "hung")])
-def test_a_lost_variant_is_told_while_the_others_finish(tmp_path, monkeypatch, number, timeout, state):
-    ask, seen = study_run.Worker.ask, []
+@pytest.mark.parametrize(("number", "state"), [(signal.SIGKILL, "crashed"), (signal.SIGSTOP, "hung")])
+def test_a_lost_variant_is_told_while_the_others_finish(tmp_path, monkeypatch, number, state):
+    ask, seen = study_items.Worker.ask, []
 
     def losing(self, do, **arguments):
         # In the third turn that is timed, and again when it is tried once more.
@@ -381,33 +447,72 @@ def test_a_lost_variant_is_told_while_the_others_finish(tmp_path, monkeypatch, n
             seen.append(self.process.pid)
             if len(seen) > 4:
                 os.kill(self.process.pid, number)
+                self.timeout = 1.0  # it is not slow: nothing will come
         return ask(self, do, **arguments)
 
-    monkeypatch.setattr(study_run.Worker, "ask", losing)
-    assert run(tmp_path, timeout=timeout) == 4
+    monkeypatch.setattr(study_items.Worker, "ask", losing)
+    assert run(tmp_path) == 4
     rows = table(tmp_path)
     lost = [row for row in rows if row["knobs"] == "samples=1" and row["quantity"] == "frame"]
     assert [row["state"] for row in lost] == [state] and lost[0]["note"]
     for variant, knobs in (("few", ""), ("rays", "samples=4")):
         frame = next(row for row in rows if (row["variant"], row["knobs"], row["quantity"]) == (variant, knobs, "frame"))
         assert frame["state"] == "ok" and int(frame["samples"]) >= 14
-    assert not any(study_run.used_seconds(pid) for pid in set(seen))  # nobody stays behind
+    assert not any(study_items.used_seconds(pid) for pid in set(seen))  # nobody stays behind
+
+
+def test_a_second_process_of_the_first_that_is_lost_ends_nobody_else(tmp_path, monkeypatch):
+    ask = study_items.Worker.ask
+
+    def losing(self, do, **arguments):
+        if do == "render" and arguments["point"] == study_items.AGAIN and arguments["frames"] == 2:
+            os.kill(self.process.pid, signal.SIGKILL)
+        return ask(self, do, **arguments)
+
+    monkeypatch.setattr(study_items.Worker, "ask", losing)
+    assert run(tmp_path) == 4
+    rows = {row["variant"] + row["knobs"]: row for row in table(tmp_path) if row["quantity"] == "frame"}
+    assert rows["few"]["state"] == "crashed" and "a second process of it" in rows["few"]["note"]
+    assert {rows[name]["samples"] for name in ("rayssamples=1", "rayssamples=4")} == {"14"}
 
 
 def test_a_scene_of_which_nothing_can_be_rendered_is_said_at_its_line(tmp_path, monkeypatch):
     def refusing(self, do, **arguments):
-        raise study_run.Lost("failed", "it is gone\n  help: none")
+        raise study_items.Lost("failed", "it is gone\n  help: none")
 
-    monkeypatch.setattr(study_run.Worker, "ask", refusing)
+    monkeypatch.setattr(study_items.Worker, "ask", refusing)
     with pytest.raises(heddle.Error, match=r"small.toml:10:1: error: nothing of scene 'cornell_box front' can be rendered\n"
                                            r"    it is gone\n      help: none"):
         run(tmp_path)
 
 
-def test_a_study_beyond_its_budget_says_so_before_it_times_anything(tmp_path):
-    with pytest.raises(heddle.Error, match="this study would take about .* more; its budget is 0.001 min"):
+def test_a_study_beyond_its_budget_says_so_before_it_times_anything(tmp_path, monkeypatch):
+    asked, ask = [], study_items.Worker.ask
+    monkeypatch.setattr(study_items.Worker, "ask", lambda self, do, **a: asked.append((do, a.get("point"))) or ask(self, do, **a))
+    with pytest.raises(heddle.Error, match="this study would take at least .* more; its budget is 0.001 min") as raised:
         run(tmp_path, budget=0.001)
-    assert not list((tmp_path / "out" / "measured").glob("*.jsonl"))
+    assert raised.value.status == 2 and not list((tmp_path / "out" / "measured").glob("*.jsonl"))
+    assert {name for do, name in asked if do == "render"} == {"few"}  # the first point's frames were enough to know
+
+
+def test_the_estimate_is_of_what_is_not_measured_yet(host, tmp_path):
+    study = definition.read(host, written(tmp_path, SMALL))  # 7 rounds of 1 + 1 frames, twice; 1 frame settles
+    machine = argparse.Namespace(place=lambda: {"id": "m"}, machines=lambda: [{"id": "m"}], width=1)
+    scene = study_run.SceneRun(study, study.scenes[0], study_run.Store(tmp_path), options(), tmp_path, host, machine,
+                               study_items.Contents(), print, lambda: None, 0.0)
+    scene.keys = {point.name: point.name for point in study.points}
+    scene.warm = {point.name: {"ms": 1000.0 * (i + 1)} for i, point in enumerate(study.points)}
+    profiles, images = study_items.PROFILED_FRAMES + 1, study_items.SEEDS
+    assert scene.estimate_seconds() == 7 * 2 * 2 * (2 * 1 + 2 + 3) + (profiles + images) * (1 + 2 + 3)
+    few, again, one = "few", study_items.AGAIN, "rays samples=1"
+    for number in range(7):  # two of three are timed
+        scene.store.append(scene.times_key(), {"round": number, "order": [few, again, one], "ms": [[1.0]] * 3,
+                                               "keys": {few: few, again: few, one: one}})
+    scene.store.put(scene.profile_key(study.points[2]), {})
+    scene.store.put(scene.images_key(study.points[2], "m"), {})
+    assert scene.estimate_seconds() == 7 * 2 * 2 * (2 * 1 + 3) + (profiles + images) * (1 + 2)
+    machine.width = 4
+    assert scene.estimate_seconds() == 7 * 2 * 2 * (2 * 1 + 3) + (profiles + images / 4) * (1 + 2)
 
 
 def test_one_study_times_at_once(tmp_path):
@@ -415,7 +520,7 @@ def test_one_study_times_at_once(tmp_path):
     entered, leave = threading.Event(), threading.Event()
 
     def first():
-        with study_run.timing_alone(said.append, lambda: None):
+        with study_items.timing_alone(said.append, lambda: None):
             entered.set()
             leave.wait(20)
             order.append("first")
@@ -424,11 +529,11 @@ def test_one_study_times_at_once(tmp_path):
     thread.start()
     entered.wait(20)
     with pytest.raises(heddle.Error):  # waiting can be stopped
-        with study_run.timing_alone(said.append, stopped):
+        with study_items.timing_alone(said.append, stopped):
             pass
     assert "another study is timing" in said[0]
     leave.set()
-    with study_run.timing_alone(said.append, lambda: None):
+    with study_items.timing_alone(said.append, lambda: None):
         order.append("second")
     thread.join()
     assert order == ["first", "second"]
@@ -437,7 +542,7 @@ def test_one_study_times_at_once(tmp_path):
 def test_a_lock_of_another_user_is_only_read(tmp_path, monkeypatch):
     opened, system_open = [], os.open
     lock = tmp_path / "lock"
-    monkeypatch.setattr(study_run, "LOCK", lock)
+    monkeypatch.setattr(study_items, "LOCK", lock)
 
     def protected(path, flags, mode=0o777, **rest):
         opened.append(flags)
@@ -452,8 +557,8 @@ def test_a_lock_of_another_user_is_only_read(tmp_path, monkeypatch):
     try:
         for _ in range(2):
             said = []
-            with study_run.timing_alone(said.append, lambda: None):
-                with pytest.raises(heddle.Error), study_run.timing_alone(said.append, stopped):
+            with study_items.timing_alone(said.append, lambda: None):
+                with pytest.raises(heddle.Error), study_items.timing_alone(said.append, stopped):
                     pass
             assert said == [f"another study is timing on this machine ({lock}); waiting for it"]
     finally:
@@ -463,17 +568,17 @@ def test_a_lock_of_another_user_is_only_read(tmp_path, monkeypatch):
 
 def test_a_lock_that_cannot_be_opened_is_said(tmp_path, monkeypatch):
     (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
-    monkeypatch.setattr(study_run, "LOCK", tmp_path / "link")
-    monkeypatch.setattr(study_run, "OWN_LOCK", tmp_path / "own")
+    monkeypatch.setattr(study_items, "LOCK", tmp_path / "link")
+    monkeypatch.setattr(study_items, "OWN_LOCK", tmp_path / "own")
     said = []
-    with study_run.timing_alone(said.append, lambda: None):
-        with pytest.raises(heddle.Error), study_run.timing_alone(said.append, stopped):
+    with study_items.timing_alone(said.append, lambda: None):
+        with pytest.raises(heddle.Error), study_items.timing_alone(said.append, stopped):
             pass
     assert "other users' studies may time meanwhile" in said[0] and f"({tmp_path / 'own'}); waiting for it" in said[-1]
     assert not (tmp_path / "elsewhere").exists()
-    monkeypatch.setattr(study_run, "OWN_LOCK", tmp_path / "missing" / "own")
+    monkeypatch.setattr(study_items, "OWN_LOCK", tmp_path / "missing" / "own")
     said.clear()
-    with study_run.timing_alone(said.append, lambda: None):
+    with study_items.timing_alone(said.append, lambda: None):
         pass
     assert "no study waits for another" in said[-1]
 
@@ -513,6 +618,82 @@ def test_a_full_disk_is_said(tmp_path, monkeypatch):
     with pytest.raises(heddle.Error, match="files cannot be written or read: .*No space left") as raised:
         run(tmp_path)
     assert raised.value.status == 4
+
+
+def test_a_disk_that_is_full_for_a_variant_is_no_crash_of_it(tmp_path, monkeypatch):
+    ask = study_items.Worker.ask
+
+    def into_a_full_disk(self, do, **arguments):
+        if do == "read":
+            pathlib.Path(f"{arguments['file']}.{self.process.pid}.partial").symlink_to("/dev/full")
+        return ask(self, do, **arguments)
+
+    monkeypatch.setattr(study_items.Worker, "ask", into_a_full_disk)
+    with pytest.raises(heddle.Error, match="files cannot be written or read: .*No space left on device: .*image.*\n  help:     what "
+                                           "was measured before is kept") as raised:
+        run(tmp_path)
+    assert raised.value.status == 4
+    assert not [file.name for file in (tmp_path / "out").rglob("*") if "partial" in file.name or file.name.startswith(".image")]
+
+
+def test_nothing_that_was_kept_is_lost_when_the_disk_is_full(tmp_path, monkeypatch):
+    store = study_run.Store(tmp_path)
+    store.append("key", {"round": 0})
+    path = store.path("key", ".jsonl")
+    path.write_bytes(path.read_bytes() + b'{"round": 1, "or')  # half of a line that had no room
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        with pytest.raises(OSError):
+            store.append("key", {"round": 1})
+    assert store.lines("key")[0] == {"round": 0}
+    with monkeypatch.context() as patch:
+        patch.setattr(type(tmp_path), "write_bytes", full)
+        with pytest.raises(OSError):
+            study_run.write(tmp_path / "results.csv", "new")
+    study_run.write(tmp_path / "results.csv", "old")
+    with monkeypatch.context() as patch:
+        patch.setattr(type(tmp_path), "replace", full)
+        with pytest.raises(OSError):
+            study_run.write(tmp_path / "results.csv", "new")
+    assert (tmp_path / "results.csv").read_text() == "old" and not list(tmp_path.glob(".*partial"))
+
+
+def test_what_is_damaged_is_measured_again(tmp_path):
+    store = study_run.Store(tmp_path)
+    for number in range(3):
+        store.append("key", {"round": number})
+    path = store.path("key", ".jsonl")
+    path.write_bytes(path.read_bytes().replace(b'"round": 1', 10 * b"\0"))  # what a crash of the machine leaves
+    assert store.lines("key") == [{"round": 0}, {"round": 2}]
+    store.put_image("image", np.ones((4, 3, 1), np.float32))
+    assert np.array_equal(store.image("image"), np.ones((4, 3, 1)))
+    whole = store.path("image", ".npy").read_bytes()
+    for length in (0, 5, 100, len(whole) - 1):
+        store.path("image", ".npy").write_bytes(whole[:length])
+        assert store.image("image") is None
+    assert store.image("none") is None
+
+
+def test_a_reference_may_be_an_image(host, tmp_path):
+    text = SMALL[:SMALL.index("[reference]")].replace("samples = [1, 4]", "samples = [1]") + '[reference]\nfile = "{scene}.exr"\n'
+    assert ":20:1: error: there is no image '{scene}.exr'".replace("{scene}", "cornell_box_front") in refusal(host, tmp_path, text)
+    (tmp_path / "cornell_box_front.exr").write_text("no picture")
+    assert ":20:1: error: the reference cannot be read:\n    " in refusal(host, tmp_path, text)
+    host.write_image(tmp_path / "cornell_box_front.exr", np.zeros((18, 30, 1)))
+    assert (":20:1: error: the reference '/cornell_box_front.exr' is of another size than variant 'few'\n  found:    30 x 18\n"
+            "  expected: 32 x 18") in refusal(host, tmp_path, text)
+    assert ":21:1: error: 'parts' says how the reference is rendered" in refusal(host, tmp_path, text + "parts = 3\n")
+    two = text.replace("{scene}.exr", "one.exr").replace(
+        "[[variant]]", '[[scene]]\nfile = "cornell_box.py"\ncamera = "front"\ntime = 1\n[[variant]]', 1)
+    assert "error: one image is the reference of several scenes" in refusal(host, tmp_path, two)
+    host.write_image(tmp_path / "cornell_box_front.exr", np.full((18, 32, 1), 0.5))
+    assert run(tmp_path, text) == 0
+    row = next(row for row in table(tmp_path) if row["quantity"] == "rmse" and row["variant"] == "few")
+    assert 0 < float(row["value"]) < 0.5
 
 
 def test_the_command_studies(command, tmp_path):

@@ -5,8 +5,6 @@
 #include <heddle/records.h>
 
 #include <algorithm>
-#include <cstdio>
-#include <cstring>
 
 namespace heddle::ambient_occlusion {
 namespace {
@@ -14,28 +12,15 @@ namespace {
 constexpr unsigned kOpaqueGeometry = 0;
 constexpr unsigned kMaskedGeometry = 1;
 
-// Half a unit in the last place of float32 near 1, and how many of them an intersection may be off by, relative to the
-// largest coordinate in play: 1 for each rounded vertex coordinate, 1 for the rounded origin, the rest for Embree's
-// Pluecker test, which subtracts the origin first (Woop, Benthin and Wald 2013, "Watertight Ray/Triangle
-// Intersection").
-constexpr double kUlp = 0x1p-24;
-constexpr double kUncertainUlps = 8.0;
+using embree::kUlp;
+using embree::kUncertainUlps;
+using embree::largest_coordinate;
 
 // Sine of the angle between ray and surface below which a larger search along the ray brings nothing: about half a
 // degree, where an image has no more than a line of pixels.
 constexpr double kLeastSlope = 0.01;
 
-double largest_coordinate(const glm::dvec3& p) {
-  return std::max({std::abs(p.x), std::abs(p.y), std::abs(p.z)});
-}
-
 }  // namespace
-
-void Tracer::on_error(void* self, RTCError code, const char* text) {
-  auto* tracer = static_cast<Tracer*>(self);
-  std::snprintf(tracer->error_, sizeof tracer->error_, "Embree error %d: %s", static_cast<int>(code),
-                text != nullptr ? text : "");
-}
 
 void Tracer::filter(const RTCFilterFunctionNArguments* arguments) {
   const auto* tracer = static_cast<const Tracer*>(arguments->geometryUserPtr);
@@ -57,10 +42,10 @@ void Tracer::filter(const RTCFilterFunctionNArguments* arguments) {
 
 Tracer::Tracer() : device_(rtcNewDevice(nullptr)) {
   if (device_ == nullptr) {
-    on_error(this, rtcGetDeviceError(nullptr), "no device");
+    error_.say(rtcGetDeviceError(nullptr), "no device");
     return;
   }
-  rtcSetDeviceErrorFunction(device_, &Tracer::on_error, this);
+  rtcSetDeviceErrorFunction(device_, &embree::ErrorText::note, &error_);
 }
 
 Tracer::~Tracer() {
@@ -76,7 +61,7 @@ bool Tracer::build(const Triangles& triangles) {
   if (device_ == nullptr) {
     return false;
   }
-  error_[0] = '\0';
+  error_.text[0] = '\0';
   if (scene_ != nullptr) {
     rtcReleaseScene(scene_);
     scene_ = nullptr;
@@ -99,39 +84,17 @@ bool Tracer::build(const Triangles& triangles) {
   scene_ = rtcNewScene(device_);
   rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
   rtcSetSceneBuildQuality(scene_, RTC_BUILD_QUALITY_HIGH);
-  // Embree reads 16 bytes at the last vertex.
-  const std::size_t position_bytes = positions_.size() * sizeof(glm::vec3);
-  RTCBuffer vertices = rtcNewBuffer(device_, position_bytes + 16);
+  RTCBuffer vertices = embree::copy_vertices(device_, positions_);
   if (vertices == nullptr) {
     return false;
   }
-  std::memcpy(rtcGetBufferData(vertices), positions_.data(), position_bytes);
-  const auto attach = [&](const std::vector<std::uint32_t>& list, unsigned id) {
-    if (list.empty()) {
-      return;
-    }
-    RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
-    rtcSetGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, vertices, 0, sizeof(glm::vec3),
-                         positions_.size());
-    auto* corners = static_cast<glm::uvec3*>(
-        rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, sizeof(glm::uvec3), list.size()));
-    if (corners != nullptr) {
-      std::transform(list.begin(), list.end(), corners, [&](std::uint32_t triangle) { return indices_[triangle]; });
-      if (id == kMaskedGeometry) {
-        rtcSetGeometryUserData(geometry, this);
-        rtcSetGeometryIntersectFilterFunction(geometry, &Tracer::filter);
-        rtcSetGeometryOccludedFilterFunction(geometry, &Tracer::filter);
-      }
-      rtcCommitGeometry(geometry);
-      rtcAttachGeometryByID(scene_, geometry, id);
-    }
-    rtcReleaseGeometry(geometry);
-  };
-  attach(opaque_, kOpaqueGeometry);
-  attach(masked_, kMaskedGeometry);
+  embree::attach_triangles(device_, scene_, kOpaqueGeometry, vertices, positions_.size(), indices_, opaque_, nullptr,
+                           nullptr);
+  embree::attach_triangles(device_, scene_, kMaskedGeometry, vertices, positions_.size(), indices_, masked_,
+                           &Tracer::filter, this);
   rtcReleaseBuffer(vertices);
   rtcCommitScene(scene_);
-  return error_[0] == '\0';
+  return error_.text[0] == '\0';
 }
 
 SurfacePoint Tracer::anchor(const glm::dvec3& point, const glm::dvec3& view, const glm::dvec3& normal,

@@ -2,9 +2,8 @@
 // Triangles -> answers of Embree: the exact surface near a point of the depth image, and hits along batches of rays.
 #pragma once
 
+#include "embree_triangles.hpp"
 #include "estimator.hpp"
-
-#include <embree3/rtcore.h>
 
 #include <optional>
 #include <span>
@@ -36,7 +35,7 @@ class Tracer {
 
   /// False: no Embree device here, or it ran out of memory; error() says why.
   [[nodiscard]] bool build(const Triangles& triangles);
-  [[nodiscard]] const char* error() const { return error_; }
+  [[nodiscard]] const char* error() const { return error_.text; }
   /// Used by the calls that follow; without one, masked triangles are solid.
   void set_alpha_test(const AlphaTest& test) { alpha_test_ = test; }
 
@@ -52,7 +51,6 @@ class Tracer {
 
  private:
   static void filter(const RTCFilterFunctionNArguments* arguments);
-  static void on_error(void* self, RTCError code, const char* text);
 
   RTCDevice device_ = nullptr;
   RTCScene scene_ = nullptr;
@@ -61,7 +59,7 @@ class Tracer {
   std::vector<glm::uvec3> indices_;
   double largest_coordinate_ = 0.0;
   AlphaTest alpha_test_;
-  char error_[160] = "";
+  embree::ErrorText error_;
 };
 
 }  // namespace heddle::ambient_occlusion

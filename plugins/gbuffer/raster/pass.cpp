@@ -51,7 +51,11 @@ constexpr heddle_access kDraw[] = {
     depth_cleared("depth_buffer"),
 };
 constexpr heddle_stage kStages[] = {gpu_stage("draw", kDraw)};
-constexpr heddle_shader kShaders[] = {surfaces_shader("raster", "draw", "raster.frag.glsl")};
+constexpr heddle_shader kShaders[] = {[] {
+  heddle_shader s = surfaces_shader("raster", "draw", "raster.frag.glsl");
+  s.calls = "texture_source";
+  return s;
+}()};
 
 struct Raster {
   heddle_status declare(const PassHost& host) {

@@ -50,7 +50,7 @@ constexpr heddle_shader kShaders[] = {
     fullscreen_shader("background", "shade", "background.frag.glsl", "sky"),
     [] {
       heddle_shader s = surfaces_shader("surface", "shade", "surface.frag.glsl");
-      s.calls = "light_assignment surface_material shadow sky";
+      s.calls = "light_assignment surface_material shadow sky texture_source";
       return s;
     }(),
 };

@@ -96,9 +96,8 @@ struct Material {
   [[nodiscard]] double left(const Albedo& albedo) const {
     return std::max(1.0 - dielectric_albedo(albedo, f0_dielectric, share_dielectric), 0.0);
   }
-  /// Albedo of single scattering, of the bounces after it, and of diffuse, meaned over colour.
-  [[nodiscard]] Vec3 mean_albedos(double NoV) const {
-    const Albedo albedo = directional_albedo(NoV, roughness);
+  /// Albedo of single scattering, of the bounces after it, and of diffuse, meaned over colour; `albedo` at NoV.
+  [[nodiscard]] Vec3 mean_albedos(const Albedo& albedo) const {
     Vec3 sum{};
     for (std::size_t c = 0; c < 3; ++c) {
       sum[0] += (f0[c] * (1.0 - albedo.loss) + (1.0 - f0[c]) * albedo.schlick) / 3.0;
@@ -129,32 +128,46 @@ double V_SmithGGXCorrelated(double NoV, double NoL, double alpha) {
   return 0.5 / std::max(NoL * smith_root(NoV, alpha) + NoV * smith_root(NoL, alpha), 1e-12);
 }
 
-void evaluate(const heddle_surface_point* point, const double view[3], const double light[3], uint32_t lobe,
-              uint32_t multiple_scattering, double out_rgb[3]) {
-  const double NoV = std::min(view[2], 1.0), NoL = std::min(light[2], 1.0);
-  std::fill(out_rgb, out_rgb + 3, 0.0);
-  if (NoL <= 0.0 || NoV < 0.0) return;
-  const Material material(*point);
-  const Vec3 V = vector_from(view), L = vector_from(light);
+struct Parts {
+  Vec3 diffuse{}, specular{};
+};
+
+/// Of a material that does not change from one direction of light to the next; `albedo_view` at NoV.
+Parts evaluate_material(const Material& material, const Albedo& albedo_view, const Vec3& V, const Vec3& L,
+                        bool is_compensated) {
+  const double NoV = std::min(V[2], 1.0), NoL = std::min(L[2], 1.0);
+  Parts parts;
+  if (NoL <= 0.0 || NoV < 0.0) return parts;
   const Vec3 H = normalized({V[0] + L[0], V[1] + L[1], V[2] + L[2]});
   const double schlick = power5(1.0 - std::clamp(dot(V, H), 0.0, 1.0));
   const double DV = D_GGX(H, material.alpha) * V_SmithGGXCorrelated(NoV, NoL, material.alpha);
-  const Albedo albedo_view = directional_albedo(NoV, material.roughness);
   const Albedo albedo_light = directional_albedo(NoL, material.roughness);
   const double bounces = albedo_view.loss * albedo_light.loss * inv_pi / std::max(material.average.loss, 1e-7);
   const double left = material.left(albedo_view) * material.left(albedo_light) / material.left_average;
   for (std::size_t c = 0; c < 3; ++c) {
-    if (lobe != 1) {
-      out_rgb[c] += (material.f0[c] + (1.0 - material.f0[c]) * schlick) * DV;
-      if (multiple_scattering != 0) out_rgb[c] += material.share[c] * bounces;  // (7)
-    }
-    if (lobe != 2) out_rgb[c] += material.diffuse[c] * inv_pi * left;  // (9)
+    parts.specular[c] = (material.f0[c] + (1.0 - material.f0[c]) * schlick) * DV;
+    if (is_compensated) parts.specular[c] += material.share[c] * bounces;  // (7)
+    parts.diffuse[c] = material.diffuse[c] * inv_pi * left;                // (9)
   }
+  return parts;
+}
+
+Albedo albedo_towards(const Material& material, const double view[3]) {
+  return directional_albedo(std::clamp(view[2], 0.0, 1.0), material.roughness);
+}
+
+void evaluate(const heddle_surface_point* point, const double view[3], const double light[3], uint32_t lobe,
+              uint32_t multiple_scattering, double out_rgb[3]) {
+  const Material material(*point);
+  const Parts parts = evaluate_material(material, albedo_towards(material, view), vector_from(view), vector_from(light),
+                                        multiple_scattering != 0);
+  for (std::size_t c = 0; c < 3; ++c)
+    out_rgb[c] = (lobe != 1 ? parts.specular[c] : 0.0) + (lobe != 2 ? parts.diffuse[c] : 0.0);
 }
 
 /// Share of samples that go to the visible normals; the others follow the cosine.
-double specular_share(const Material& material, double NoV) {
-  const Vec3 albedos = material.mean_albedos(NoV);
+double specular_share(const Material& material, const Albedo& albedo_view) {
+  const Vec3 albedos = material.mean_albedos(albedo_view);
   const double sum = albedos[0] + albedos[1] + albedos[2];
   return sum > 0.0 ? albedos[0] / sum : 1.0;
 }
@@ -165,23 +178,23 @@ double pdf_visible_normals(const Vec3& V, const Vec3& L, double alpha) {
   return D_GGX(H, alpha) * 0.5 / (V[2] + smith_root(V[2], alpha));
 }
 
-double pdf(const heddle_surface_point* point, const double view[3], const double light[3]) {
-  if (light[2] <= 0.0 || view[2] < 0.0) return 0.0;
-  const Material material(*point);
-  const double share = specular_share(material, std::min(view[2], 1.0));
-  return share * pdf_visible_normals(vector_from(view), vector_from(light), material.alpha) +
-         (1.0 - share) * light[2] * inv_pi;
+double pdf_material(const Material& material, double share, const Vec3& V, const Vec3& L) {
+  if (L[2] <= 0.0 || V[2] < 0.0) return 0.0;
+  return share * pdf_visible_normals(V, L, material.alpha) + (1.0 - share) * L[2] * inv_pi;
 }
 
-void sample(const heddle_surface_point* point, const double view[3], const double u[2], double u_lobe,
-            double out_light[3], double* out_pdf) {
-  std::fill(out_light, out_light + 3, 0.0);
-  *out_pdf = 0.0;
-  if (view[2] < 0.0) return;
+double pdf(const heddle_surface_point* point, const double view[3], const double light[3]) {
   const Material material(*point);
+  return pdf_material(material, specular_share(material, albedo_towards(material, view)), vector_from(view),
+                      vector_from(light));
+}
+
+/// `share`: specular_share. False: reflected into the surface.
+bool sample_material(const Material& material, double share, const double view[3], const double u[2], double u_lobe,
+                     Vec3& L) {
+  if (view[2] < 0.0) return false;
   const double radius = std::sqrt(u[0]), angle = 2.0 * pi * u[1];
-  Vec3 L;
-  if (u_lobe < specular_share(material, std::min(view[2], 1.0))) {
+  if (u_lobe < share) {
     // Heitz 2018, listing 1: the visible part of a hemisphere, stretched.
     const double alpha = material.alpha;
     const Vec3 stretched = normalized({alpha * view[0], alpha * view[1], view[2]});
@@ -201,10 +214,53 @@ void sample(const heddle_surface_point* point, const double view[3], const doubl
   } else {
     L = {radius * std::cos(angle), radius * std::sin(angle), std::sqrt(std::max(0.0, 1.0 - u[0]))};
   }
-  if (L[2] <= 0.0) return;  // reflected into the surface
+  if (L[2] <= 0.0) return false;
   L = normalized(L);
+  return true;
+}
+
+void sample(const heddle_surface_point* point, const double view[3], const double u[2], double u_lobe,
+            double out_light[3], double* out_pdf) {
+  std::fill(out_light, out_light + 3, 0.0);
+  *out_pdf = 0.0;
+  const Material material(*point);
+  const double share = specular_share(material, albedo_towards(material, view));
+  Vec3 L;
+  if (!sample_material(material, share, view, u, u_lobe, L)) return;
   std::copy(L.begin(), L.end(), out_light);
-  *out_pdf = pdf(point, view, out_light);
+  *out_pdf = pdf_material(material, share, vector_from(view), L);
+}
+
+void put_parts(const Material& material, const Albedo& albedo_view, double share, const double view[3], const Vec3& L,
+               bool is_compensated, double out_diffuse[3], double out_specular[3], double* out_pdf) {
+  const Parts parts = evaluate_material(material, albedo_view, vector_from(view), L, is_compensated);
+  std::copy(parts.diffuse.begin(), parts.diffuse.end(), out_diffuse);
+  std::copy(parts.specular.begin(), parts.specular.end(), out_specular);
+  *out_pdf = pdf_material(material, share, vector_from(view), L);
+}
+
+void evaluate_parts(const heddle_surface_point* point, const double view[3], const double light[3],
+                    uint32_t multiple_scattering, double out_diffuse[3], double out_specular[3], double* out_pdf) {
+  const Material material(*point);
+  const Albedo albedo_view = albedo_towards(material, view);
+  put_parts(material, albedo_view, specular_share(material, albedo_view), view, vector_from(light),
+            multiple_scattering != 0, out_diffuse, out_specular, out_pdf);
+}
+
+void sample_parts(const heddle_surface_point* point, const double view[3], const double u[2], double u_lobe,
+                  uint32_t multiple_scattering, double out_light[3], double out_diffuse[3], double out_specular[3],
+                  double* out_pdf) {
+  const Material material(*point);
+  const Albedo albedo_view = albedo_towards(material, view);
+  const double share = specular_share(material, albedo_view);
+  Vec3 L;
+  *out_pdf = 0.0;
+  if (sample_material(material, share, view, u, u_lobe, L)) {
+    std::copy(L.begin(), L.end(), out_light);
+    put_parts(material, albedo_view, share, view, L, multiple_scattering != 0, out_diffuse, out_specular, out_pdf);
+    return;
+  }
+  for (double* out : {out_light, out_diffuse, out_specular}) std::fill(out, out + 3, 0.0);
 }
 
 void albedo(const heddle_surface_point* point, double n_dot_v, uint32_t lobe, uint32_t multiple_scattering,
@@ -223,7 +279,7 @@ void albedo(const heddle_surface_point* point, double n_dot_v, uint32_t lobe, ui
 }
 
 constexpr heddle_surface_material_service kService{
-    sizeof(heddle_surface_material_service), 0, &evaluate, &sample, &pdf, &albedo};
+    sizeof(heddle_surface_material_service), 0, &evaluate, &sample, &pdf, &albedo, &evaluate_parts, &sample_parts};
 
 }  // namespace
 

@@ -35,7 +35,7 @@ constexpr heddle_stage kStages[] = {gpu_stage("draw", kDraw)};
 constexpr heddle_shader kShaders[] = {
     [] {
       heddle_shader s = surfaces_shader("blend", "draw", "blend.frag.glsl");
-      s.calls = "light_assignment surface_material shadow sky";
+      s.calls = "light_assignment surface_material shadow sky texture_source";
       return s;
     }(),
 };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// probe/shadow, sky, surface_material, light: a grid of points or directions to what functions answer; probe/text: what
-// a text answers that the pass itself makes. For tests.
+// probe/shadow, sky, surface_material, light, texture: a grid of points or directions to what functions answer;
+// probe/text: what a text answers that the pass itself makes. For tests.
 #include <heddle/pass.hpp>
 
 #include <fstream>
@@ -91,6 +91,18 @@ constexpr heddle_technique kLight =
     technique<Probe>("probe/light", "A light at points of a parallelogram", "definition", kLightPorts, kLightParameters,
                      kLightStages, kLightShaders);
 
+constexpr heddle_parameter kTextureParameters[] = {
+    integer("material", "1", 0, 4096, 0, "id"),
+    triple("corner", "1", 0, 0, {0, 0, 0}, "uv of pixel (0, 0): x and y"),
+    triple("edge_u", "1", 0, 0, {1, 0, 0}, "of uv from pixel to pixel in x: also the derivative"),
+    triple("edge_v", "1", 0, 0, {0, 1, 0}, "in y"),
+    parameter("footprint", "1", 0, 0, 1, "what derivatives are multiplied with"),
+};
+constexpr heddle_shader kTextureShaders[] = {compute_shader("ask", "ask", "texture.comp.glsl", "texture_source")};
+constexpr heddle_technique kTexture =
+    technique<Probe>("probe/texture", "The function texture_source at points of a parallelogram", "definition", kPorts,
+                     kTextureParameters, kStages, kTextureShaders);
+
 constexpr heddle_parameter kTextParameters[] = {
     text("expression", "of x, the pixel's column", HEDDLE_PARAMETER_REDECLARE),
     text("file", "holds an expression", HEDDLE_PARAMETER_REDECLARE),
@@ -123,4 +135,4 @@ constexpr heddle_technique kText = technique<Text>("probe/text", "A text that th
 
 }  // namespace
 
-HEDDLE_PLUGIN(kShadow, kSky, kMaterial, kLight, kPattern, kColors, kText)
+HEDDLE_PLUGIN(kShadow, kSky, kMaterial, kLight, kPattern, kColors, kText, kTexture)

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The hard cases of role shadow, for shadow_map and cascaded: closed forms, asked at points through the C API.
+// The hard cases of role shadow, for every technique that answers by the scene: closed forms, asked at points through
+// the C API.
 #include "patch.hpp"
 
 #include <gmock/gmock.h>
@@ -13,9 +14,10 @@ using namespace rendering;
 using shadow_patch::ask;
 using shadow_patch::cascaded;
 using shadow_patch::contact;
-using shadow_patch::depth_maps_of;
 using shadow_patch::Patch;
+using shadow_patch::ray_traced;
 using shadow_patch::shadow_map;
+using shadow_patch::techniques_of;
 
 /// Each value against what `expected` says of its point: 0, 1, or negative where both are right (within the filter).
 void expect_everywhere(const Image& image, const Patch& patch, const std::function<double(const dvec3&)>& expected,
@@ -70,7 +72,7 @@ TEST(ShadowHardCases, H1NoAcneOnAPlaneUpToGrazingLight) {
         scene.look({0, 3, 4}, {0, 0, 0});
         Patch patch{{-1, 0, -1}, {2, 0, 0}, {0, 0, 2}, {0, 1, 0}};
         patch.camera = {0, 3, 4};
-        for (const std::string& pass : depth_maps_of(acne.record.type, parameters))
+        for (const std::string& pass : techniques_of(acne.record.type, parameters))
           expect_everywhere(ask(scene, patch, pass), patch, [](const dvec3&) { return 1.0; });
       }
     }
@@ -91,7 +93,7 @@ TEST(ShadowHardCases, H1NoAcneOnASphereUpToGrazingLight) {
     Patch patch{centre, {1, 0, 0}, {0, 0, 1}, {0, 1, 0}};
     patch.camera = {0, 3, 6};
     patch.is_sphere = true;
-    for (const std::string& pass : depth_maps_of(acne.record.type)) {
+    for (const std::string& pass : techniques_of(acne.record.type)) {
       expect_everywhere(ask(scene, patch, pass), patch, [&](const dvec3& p) {
         const dvec3 L = acne.record.type == HEDDLE_LIGHT_DIRECTIONAL ? to_light : glm::normalize(acne.position - p);
         const double NoL = glm::dot(glm::normalize(p - centre), L);
@@ -138,7 +140,7 @@ TEST(ShadowHardCases, H2ClosedRoomOfFiveCentimetreWallsIsDark) {
       scene.look({0, 1, 0.9}, {0, 0.8, 0});
       Patch placed = patch;
       placed.camera = {0, 1, 0.9};
-      for (const std::string& pass : depth_maps_of(acne.record.type, "params.distance = 20.0\n"))
+      for (const std::string& pass : techniques_of(acne.record.type, "params.distance = 20.0\n"))
         expect_everywhere(ask(scene, placed, pass), placed, [](const dvec3&) { return 0.0; });
     }
   }
@@ -158,7 +160,7 @@ TEST(ShadowHardCases, H2NoLightCreepsUnderAThinWallOnTheFloor) {
     scene.look({-1, 3, 4}, {0, 0, 0});
     Patch patch{{-1.5, 0, -1}, {1.5, 0, 0}, {0, 0, 2}, {0, 1, 0}};
     patch.camera = {-1, 3, 4};
-    for (const std::string& pass : depth_maps_of(acne.record.type, "params.distance = 20.0\n"))
+    for (const std::string& pass : techniques_of(acne.record.type, "params.distance = 20.0\n"))
       expect_everywhere(ask(scene, patch, pass), patch, [](const dvec3&) { return 0.0; });
   }
 }
@@ -198,6 +200,9 @@ TEST(ShadowHardCases, ShadowOfASphereIsTheDiskThatGeometrySays) {
   expect_disk({0, 0, 0}, true, cascaded("params.distance = 30.0\n"), 0.07);
   // A face of the cube, 4 m away: 8 mm, 3 texels.
   expect_disk({0, 0, 0}, false, shadow_map(), 0.04);
+  // Rays: the ball's facets, 128 rings of them, cut 0.3 mm off its outline, 1.1 times as far away on the floor.
+  expect_disk({0, 0, 0}, true, ray_traced(), 0.001);
+  expect_disk({0, 0, 0}, false, ray_traced(), 0.001);
 }
 
 TEST(ShadowHardCases, H5SameShadowAHundredKilometresAway) {
@@ -205,11 +210,13 @@ TEST(ShadowHardCases, H5SameShadowAHundredKilometresAway) {
   expect_disk(far_away, true, shadow_map(), 0.04);
   expect_disk(far_away, true, cascaded("params.distance = 30.0\n"), 0.07);
   expect_disk(far_away, false, shadow_map(), 0.04);
+  expect_disk(far_away, true, ray_traced(), 0.001);
+  expect_disk(far_away, false, ray_traced(), 0.001);
 }
 
 TEST(ShadowHardCases, H6SameShadowInMillimetresAndKilometres) {
   for (const bool is_directional : {true, false}) {
-    for (const char* technique : {"shadow_map", "cascaded"}) {
+    for (const char* technique : {"shadow_map", "cascaded", "ray_traced"}) {
       std::vector<Image> images;
       for (const double unit : {1.0, 1e-3, 1e3}) {
         Scene scene;
@@ -222,6 +229,10 @@ TEST(ShadowHardCases, H6SameShadowInMillimetresAndKilometres) {
         Patch patch{dvec3(-1.5, 0, -1.5) * unit, dvec3(3, 0, 0) * unit, dvec3(0, 0, 3) * unit, {0, 1, 0}};
         patch.camera = dvec3(0, 2, 4) * unit;
         std::string lengths;
+        if (technique == std::string("ray_traced")) {
+          images.push_back(ask(scene, patch, ray_traced(fmt::format("params.near_distance = {:.9e}\n", 0.02 * unit))));
+          continue;
+        }
         for (const auto& [name, metres] : {std::pair("distance", 30.0), std::pair("caster_distance", 20.0)})
           lengths += fmt::format("params.{} = {:.9e}\n", name, metres * unit);
         const bool is_cascaded = technique == std::string("cascaded");
@@ -261,11 +272,14 @@ TEST(ShadowHardCases, H3ShadowsAlikeOnBothSidesOfEverySeam) {
     Patch patch{4.0 * d - 2.0 * u - 2.0 * v, 4.0 * u, 4.0 * v, -d};
     patch.camera = camera;
     const double radius = 4.0 * 0.5 / std::sqrt(4.0 - 0.25);
-    // Texels there are 2 tan / 1024 times the distance along the axis, at most 4 m: 8 mm, wider across a corner.
-    expect_everywhere(ask(scene, patch, shadow_map()), patch, [&](const dvec3& p) {
-      const double r = glm::length(p - 4.0 * d);
-      return r > radius + 0.05 ? 1.0 : r < radius - 0.05 ? 0.0 : -1.0;
-    });
+    // Texels there are 2 tan / 1024 times the distance along the axis, at most 4 m: 8 mm, wider across a corner. The
+    // ball's facets cut 0.3 mm off its outline, twice as far away on the wall.
+    for (const auto& [pass, width] : {std::pair(shadow_map(), 0.05), std::pair(ray_traced(), 0.001)}) {
+      expect_everywhere(ask(scene, patch, pass), patch, [&, width = width](const dvec3& p) {
+        const double r = glm::length(p - 4.0 * d);
+        return r > radius + width ? 1.0 : r < radius - width ? 0.0 : -1.0;
+      });
+    }
   }
 }
 
@@ -284,7 +298,8 @@ TEST(ShadowHardCases, H3NoLineOfShadowAlongTheSeamsOfARoom) {
     SCOPED_TRACE(text_of(patch.normal));
     Patch placed = patch;
     placed.camera = camera;
-    expect_everywhere(ask(scene, placed, shadow_map()), placed, [](const dvec3&) { return 1.0; });
+    for (const std::string& pass : {shadow_map(), ray_traced()})
+      expect_everywhere(ask(scene, placed, pass), placed, [](const dvec3&) { return 1.0; });
   }
 }
 
@@ -303,7 +318,7 @@ TEST(ShadowHardCases, H4LightBelowTheSurfaceOrAtThePointIsZeroOrOne) {
       // Every point of the grid is the origin.
       Patch patch{{0, 0, 0}, {0, 0, 0}, {0, 0, 0}, {0, 1, 0}};
       patch.camera = {0, 3, 4};
-      for (const std::string& passes : {shadow_map(), cascaded(), contact()}) {
+      for (const std::string& passes : {shadow_map(), cascaded(), ray_traced(), contact()}) {
         const Image image = ask(scene, patch, passes);
         EXPECT_TRUE(image.at(0, 0) == 0.0F || image.at(0, 0) == 1.0F) << passes << image.at(0, 0);
         if (position.y < -0.5 && type == HEDDLE_LIGHT_POINT && passes != cascaded()) {
@@ -372,7 +387,8 @@ TEST(ShadowMap, SameInputGivesTheSameBytes) {
   scene.look({0, 2, 4}, {0, 0, 0});
   Patch patch{{-1.5, 0, -1.5}, {3, 0, 0}, {0, 0, 3}, {0, 1, 0}};
   patch.camera = {0, 2, 4};
-  EXPECT_EQ(ask(scene, patch, shadow_map()).pixels, ask(scene, patch, shadow_map()).pixels);
+  for (const std::string& pass : {shadow_map(), ray_traced()})
+    EXPECT_EQ(ask(scene, patch, pass).pixels, ask(scene, patch, pass).pixels);
 }
 
 // ---- ray_marched_screen ---------------------------------------------------------------------------------------------
@@ -475,7 +491,8 @@ TEST(ShadowJoin, EveryCombinationOfProvidersRendersUnderLighting) {
   const std::string second_map = "[[pass]]\nname = \"second\"\nrole = \"shadow\"\ntechnique = \"shadow_map\"\n";
   const std::string gbuffer = "[[pass]]\nrole = \"gbuffer\"\ntechnique = \"raster\"\n";
   const std::string screen = contact().substr(contact().find("[[pass]]", 1));
-  for (const std::string& shadows : {shadow_map(), screen, shadow_map() + screen, shadow_map() + screen + second_map}) {
+  for (const std::string& shadows : {shadow_map(), screen, shadow_map() + screen, shadow_map() + screen + second_map,
+                                     ray_traced(), ray_traced() + screen}) {
     for (const std::string& sky :
          {std::string(), std::string("[[pass]]\nrole = \"sky\"\ntechnique = \"procedural\"\n")}) {
       for (const std::string& material :

@@ -271,7 +271,7 @@ TEST(KeptMaps, ReadmesSayWhatTheDescriptorsDo) {
   const char* text = nullptr;
   check(heddle_list(Host::get().handle, &text));
   const nlohmann::json all = nlohmann::json::parse(text);
-  for (const char* id : {"shadow/shadow_map", "shadow/cascaded"}) {
+  for (const char* id : {"shadow/shadow_map", "shadow/cascaded", "shadow/ray_traced"}) {
     const std::string table = parameter_table(all, id);
     ASSERT_FALSE(table.empty()) << id;
     EXPECT_THAT(readme_of(id), testing::HasSubstr(table)) << id;

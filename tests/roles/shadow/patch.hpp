@@ -57,9 +57,13 @@ inline std::string cascaded(const std::string& parameters = "") {
   return "[[pass]]\nname = \"shadow\"\nrole = \"shadow\"\ntechnique = \"cascaded\"\n" + parameters;
 }
 
-/// Every technique that draws depth maps for such a light.
-inline std::vector<std::string> depth_maps_of(std::uint32_t light_type, const std::string& parameters = "") {
-  std::vector<std::string> passes{shadow_map(parameters)};
+inline std::string ray_traced(const std::string& parameters = "") {
+  return "[[pass]]\nname = \"shadow\"\nrole = \"shadow\"\ntechnique = \"ray_traced\"\n" + parameters;
+}
+
+/// Every technique that answers for such a light by the scene; `parameters`: of those that draw depth maps.
+inline std::vector<std::string> techniques_of(std::uint32_t light_type, const std::string& parameters = "") {
+  std::vector<std::string> passes{ray_traced(), shadow_map(parameters)};
   if (light_type == HEDDLE_LIGHT_DIRECTIONAL) passes.push_back(cascaded(parameters));
   return passes;
 }

@@ -247,7 +247,7 @@ TEST(Subdivision, HasNoHoles) {  // H2
       Given given(mesh);
       if (has_seams && !given.creases.empty()) continue;  // creases name vertices that the seams split
       if (has_seams) given.split_seams();
-      for (const char* technique : {"catmull_clark", "limit"}) {
+      for (const char* technique : {"catmull_clark", "vertex_program", "limit"}) {
         Scene scene;
         add(scene, given, "{\"levels\": 3}");
         const Triangles seen = look(scene, technique, "params.levels = 3\n");
@@ -296,7 +296,7 @@ TEST(Subdivision, MakesUnitNormalsOfWhatIsCollapsed) {  // H4
   for (const Mesh& mesh : {flat, pole}) {
     Scene scene;
     add(scene, Given(mesh), "{\"levels\": 2}");
-    for (const char* technique : {"catmull_clark", "limit"}) {
+    for (const char* technique : {"catmull_clark", "vertex_program", "limit"}) {
       const Triangles seen = look(scene, technique, "params.levels = 2\n");
       ASSERT_FALSE(seen.positions.empty());
       for (std::size_t i = 0; i < seen.positions.size(); ++i) {
@@ -402,10 +402,95 @@ TEST(Subdivision, MovesWithItsInstance) {
   EXPECT_GT(covered, 500U);
 }
 
+// ---- vertex_program: the same sums in vertex stages, hard cases H1 to H3 of role surface_program
+
+std::string variant(const std::string& graph, const std::string& technique, const char* more = "") {
+  return "extends = \"" + graph + "\"\nextent = [48, 40]\n[[pass]]\nname = \"subdivision\"\ntechnique = \"" +
+         technique + "\"\n" + more;
+}
+
+/// Two smooth objects, one of them mirrored, moved too; a third with sharp edges, and a cage as it is.
+struct SomeObjects : Scene {
+  SomeObjects() {
+    const Given torus(cages::torus(8, 6)), creased(creased_cube());
+    add(*this, torus, "{\"levels\": 2}");
+    add(*this, creased, "{\"levels\": 3}", glm::translate(dmat4(1.0), dvec3(0, 2, 0)));
+    moved = add(*this, torus, "{\"levels\": 2}", mirrored(0));
+    add(*this, creased, {}, glm::translate(dmat4(1.0), dvec3(-3, 0, 0)));
+    look(dvec3(2, 5, 7), dvec3(0, 0, 0));
+  }
+  static dmat4 mirrored(double x) { return glm::scale(glm::translate(dmat4(1.0), dvec3(x, 0, -2)), dvec3(-1, 1, 1)); }
+  void move(double x) {
+    const dmat4 place = mirrored(x);
+    check(heddle_scene_set_instance(handle, moved, &place[0][0]));
+  }
+  std::uint32_t moved = 0;
+};
+
+TEST(VertexProgram, HasTheBytesOfStoredVerticesInPicturesAndSnapshots) {
+  SomeObjects first, second;
+  const Triangles stored = look(first, "catmull_clark"), asked = look(second, "vertex_program");
+  ASSERT_GT(stored.positions.size(), 1000U);
+  EXPECT_EQ(stored.positions, asked.positions);
+  EXPECT_EQ(stored.normals, asked.normals);
+  EXPECT_EQ(stored.corners, asked.corners);
+
+  // gbuffer, depth maps, and rays through snapshots.
+  const char* const rays = "[[pass]]\nname = \"ao\"\ntechnique = \"ray_traced\"\nparams.samples = 4\n";
+  Graph a(variant("deferred", "catmull_clark", rays)), b(variant("deferred", "vertex_program", rays));
+  const std::array ports{"gbuffer.depth", "gbuffer.motion", "gbuffer.normal"};
+  for (Graph* one : {&a, &b})
+    for (const char* port : ports) one->keep(port);
+  for (const double x : {0.0, 0.2}) {
+    first.move(x);
+    second.move(x);
+    EXPECT_EQ(a.image(first).pixels, b.image(second).pixels);
+    for (const char* port : ports) EXPECT_EQ(a.read(port).pixels, b.read(port).pixels) << port;
+  }
+  float fastest = 0;
+  for (const float pixels : b.read("gbuffer.motion").pixels) fastest = std::max(fastest, std::abs(pixels));
+  EXPECT_GT(fastest, 0.5F) << "of the one that has moved";
+}
+
+TEST(VertexProgram, StoresNoVerticesAndDispatchesNothing) {
+  const Given cube(cages::cube());
+  Scene scene;
+  add(scene, cube, "{\"levels\": 3}");
+  scene.look(dvec3(2, 3, 4), dvec3(0, 0, 0));
+  Graph stored(variant("studio", "catmull_clark")), asked(variant("studio", "vertex_program"));
+  EXPECT_EQ(stored.image(scene).pixels, asked.image(scene).pixels);
+  const nlohmann::json a = stats(stored), b = stats(asked);
+  EXPECT_EQ(a["counters"]["dispatches"].get<int>(), b["counters"]["dispatches"].get<int>() + 1);
+  EXPECT_EQ(a["counters"]["draws"], b["counters"]["draws"]);
+  // 386 places, but vertices for each direction of a tangent: as many as the snapshot has.
+  const std::size_t vertices = look(scene, "vertex_program", "params.levels = 3\n").positions.size();
+  EXPECT_GE(vertices, 386U);
+  EXPECT_GE(a["memory"]["kept_bytes"].get<std::uint64_t>(),
+            b["memory"]["kept_bytes"].get<std::uint64_t>() + vertices * sizeof(HeddleVertex));
+}
+
+TEST(VertexProgram, KeepsPipelinesWhereNothingOfThemChanges) {
+  Scene scene;
+  add(scene, Given(cages::cube()), "{\"levels\": 2}");
+  scene.look(dvec3(2, 3, 4), dvec3(0, 0, 0));
+  Graph graph(variant("studio", "vertex_program"));
+  const Image before = graph.image(scene);
+  const int made = stats(graph)["plan"]["pipelines_made"].get<int>();
+  check(heddle_graph_set(graph.handle, "gbuffer.technique=raster"));
+  EXPECT_EQ(graph.image(scene).pixels, before.pixels);
+  check(heddle_graph_set(graph.handle, "ao.params.radius=0.25"));
+  check(heddle_graph_set(graph.handle, "subdivision.technique=catmull_clark"));
+  EXPECT_EQ(graph.image(scene).pixels.size(), before.pixels.size());
+  check(heddle_graph_set(graph.handle, "subdivision.technique=vertex_program"));
+  graph.render(scene);
+  // gbuffer's alone, and depth maps': all other pipelines went on.
+  EXPECT_LT(stats(graph)["plan"]["pipelines_made"].get<int>(), made / 2);
+}
+
 TEST(Subdivision, HasItsParametersInItsReadme) {
   const char* text = nullptr;
   check(heddle_list(Host::get().handle, &text));
-  for (const char* id : {"subdivision/catmull_clark", "subdivision/limit"}) {
+  for (const char* id : {"subdivision/catmull_clark", "subdivision/vertex_program", "subdivision/limit"}) {
     const std::string table = parameter_table(nlohmann::json::parse(text), id);
     EXPECT_FALSE(table.empty());
     EXPECT_THAT(readme_of(id), HasSubstr(table));

@@ -287,6 +287,34 @@ TEST(SurfaceMaterialGgx, H4ExchangingViewAndLightChangesNothing) {
   }
 }
 
+TEST(SurfaceMaterialGgx, WhatIsAnsweredAtOnceIsWhatIsAnsweredOneByOne) {
+  std::mt19937_64 random(11);
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  for (uint32_t i = 0; i < 500; ++i) {
+    const heddle_surface_point p =
+        point(uniform(random), uniform(random), {uniform(random), uniform(random), uniform(random)});
+    const Vec3 view = direction(uniform(random) - 0.05, 6.0 * uniform(random));
+    const Vec3 light = direction(uniform(random) - 0.05, 6.0 * uniform(random));
+    const uint32_t compensates = i & 1;
+    double diffuse[3], specular[3], expected[3], pdf;
+    service().evaluate_parts(&p, view.data(), light.data(), compensates, diffuse, specular, &pdf);
+    EXPECT_EQ(pdf, service().pdf(&p, view.data(), light.data()));
+    service().evaluate(&p, view.data(), light.data(), kDiffuse, compensates, expected);
+    for (int c = 0; c < 3; ++c) EXPECT_EQ(diffuse[c], expected[c]);
+    service().evaluate(&p, view.data(), light.data(), kSpecular, compensates, expected);
+    for (int c = 0; c < 3; ++c) EXPECT_EQ(specular[c], expected[c]);
+
+    const double u[2] = {uniform(random), uniform(random)}, u_lobe = uniform(random);
+    double sampled[3], again[3], density;
+    service().sample(&p, view.data(), u, u_lobe, sampled, &density);
+    service().sample_parts(&p, view.data(), u, u_lobe, compensates, again, diffuse, specular, &pdf);
+    EXPECT_EQ(pdf, density);
+    for (int c = 0; c < 3; ++c) EXPECT_EQ(again[c], sampled[c]);
+    service().evaluate(&p, view.data(), sampled, kSpecular, compensates, expected);
+    for (int c = 0; c < 3; ++c) EXPECT_EQ(specular[c], density > 0.0 ? expected[c] : 0.0);
+  }
+}
+
 TEST(SurfaceMaterialGgx, H2H3GrazingViewsAndPolishedSurfacesAreFinite) {
   for (const double roughness : {0.0, 1e-6, 0.01, 0.5, 1.0})
     for (const double NoV : {0.0, 1e-300, 1e-12, 1e-6, 1.0})

@@ -311,9 +311,9 @@ TEST(NewTechnique, RefusesAnUnknownRole) {
   EXPECT_EQ(ran.status, HEDDLE_BAD_INPUT);
   EXPECT_EQ(ran.output,
             "error: there is no role 'shadwo'\n"
-            "  expected: one of ambient_occlusion, antialiasing, bake_visibility, display, gbuffer, light_assignment, "
-            "light_count, lighting, "
-            "shadow, sky, subdivision, surface_material, transparency\n"
+            "  expected: one of ambient_occlusion, antialiasing, bake_visibility, display, function_image, gbuffer, "
+            "light_assignment, light_count, lighting, ray_tracing, shadow, sky, subdivision, surface_material, "
+            "surface_program, texture_source, transparency\n"
             "  help:     a new role begins with a role.toml in a folder of its own\n");
 }
 

@@ -337,12 +337,35 @@ TEST(Descriptor, WithSurfacesThatHaveNoPlaceIsRefused) {
   EXPECT_EQ(made([](Example& e) { e.ports[1].vertices = "depth"; }),
             told("port 'visibility': vertices names nothing that batches could lie in\n  found:    \"depth\"\n"
                  "  expected: an out buffer of the technique, a list for commands alone"));
-  EXPECT_EQ(made([](Example& e) { e.ports[1].indices = nullptr; }),
-            told("port 'visibility': its batches have no place\n"
-                 "  expected: vertices and indices; instances and commands both or none"));
-  EXPECT_EQ(made([](Example& e) { e.ports[1].commands = "table"; }),
-            told("port 'visibility': its batches have no place\n"
-                 "  expected: vertices and indices; instances and commands both or none"));
+  EXPECT_EQ(
+      made([](Example& e) { e.ports[1].indices = nullptr; }),
+      told("port 'visibility': its batches have no place\n"
+           "  expected: vertices, or a function of role surface_program, and indices; instances and commands both or "
+           "none"));
+  EXPECT_EQ(
+      made([](Example& e) { e.ports[1].commands = "table"; }),
+      told("port 'visibility': its batches have no place\n"
+           "  expected: vertices, or a function of role surface_program, and indices; instances and commands both or "
+           "none"));
+  // Or their vertices are what a function answers, which sees little.
+  const auto asked = [&](const auto& change) {
+    return made([&](Example& e) {
+      e.ports[1].vertices = nullptr;
+      e.functions[0].role = "surface_program";
+      e.functions[0].calls = nullptr;
+      e.accesses[2].access = HEDDLE_ACCESS_STORAGE_READ;
+      e.stages[1].kind = HEDDLE_STAGE_GPU;
+      e.functions[0].accesses = e.accesses + 2;
+      e.functions[0].access_count = 1;
+      change(e);
+    });
+  };
+  EXPECT_EQ(asked([](Example&) {}), "no error");
+  EXPECT_EQ(asked([](Example& e) { e.functions[0].calls = "shadow"; }),
+            told("function 'surface_program' calls functions\n  found:    shadow\n  expected: none: it is no pass"));
+  EXPECT_EQ(asked([](Example& e) { e.accesses[2].access = HEDDLE_ACCESS_STORAGE_READ_WRITE; }),
+            told("function 'surface_program': access to 'table' is not for surface programs\n"
+                 "  found:    HEDDLE_ACCESS 4\n  expected: VALUE, or STORAGE_READ of a buffer"));
   EXPECT_EQ(message([](Example& e) { e.ports[2].vertices = "table"; }),
             told("port 'table': vertices names nothing that batches could lie in\n  found:    \"table\"\n"
                  "  expected: NULL: it makes no surfaces"));

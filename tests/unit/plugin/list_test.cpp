@@ -32,7 +32,7 @@ TEST(List, SaysEverythingOfTheRepositorysRoles) {
   const auto ao = list["roles"][0];
   ASSERT_EQ(ao["name"], "ambient_occlusion");
   EXPECT_EQ(ao["references"]["same_model"]["technique"], "ambient_occlusion/ray_traced");
-  EXPECT_TRUE(ao["references"]["physical"].is_null());
+  EXPECT_EQ(ao["references"]["physical"]["technique"], "ray_tracing/path_tracer");
   EXPECT_EQ(ao["ports"][0]["neutral"], parse_json(R"(["inf", 0.0, 0.0, 1.0])"));
   EXPECT_EQ(ao["ports"][4]["range"], parse_json("[0.0, 1.0]"));
   EXPECT_EQ(ao["measure"]["metric"], "rmse");

@@ -165,5 +165,24 @@ TEST(Settle, MakesThisFramesPlacesTheLastOnes) {
   EXPECT_FALSE(scene.settle());
 }
 
+TEST(Settle, WaitsUntilEverybodyHasSeenAFrame) {
+  Scene scene = one_box();
+  const int one = 0, two = 0;
+  const auto step = [&] {
+    return scene.instances[0].scene_from_object[3][0] - scene.instances[0].previous_scene_from_object[3][0];
+  };
+  for (const double x : {1.0, 3.0}) {
+    scene.begin_move();
+    scene.instances[0].scene_from_object = at({x, 0, 0});
+    for (const int* graph : {&one, &two}) {
+      scene.begin_frame(graph);
+      EXPECT_EQ(step(), x == 1.0 ? 1.0 : 2.0);
+      scene.end_frame(graph);
+    }
+  }
+  scene.begin_frame(&one);
+  EXPECT_EQ(step(), 0.0) << "a second frame of the same places";
+}
+
 }  // namespace
 }  // namespace heddle::scene

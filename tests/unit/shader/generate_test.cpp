@@ -192,7 +192,15 @@ TEST_F(ShaderGenerate, FullscreenShaderWritesItsColorsInTheStagesOrder) {
 }
 
 TEST_F(ShaderGenerate, SurfaceShaderSeesTheSurfaceItsMaterialAndTheView) {
-  const ShaderRequest made = request(
+  Role role;
+  role.name = "texture_source";
+  role.revision = 1;
+  role.functions = {{"texture_source",
+                     "vec3 texture_source(uint material, vec2 uv, vec2 uv_dx, vec2 uv_dy, vec2 raster_px, "
+                     "vec3 otherwise)",
+                     "return otherwise;", "1", ""}};
+  role.file = "texture_source/role.toml";
+  ShaderRequest made = request(
       "#include \"pass.glsl\"\n#include \"surface_sample.glsl\"\n"
       "void main() {\n"
       "  SurfaceSample s = sample_surface(materials[surface.material]);\n"
@@ -201,6 +209,7 @@ TEST_F(ShaderGenerate, SurfaceShaderSeesTheSurfaceItsMaterialAndTheView) {
       "}\n",
       {image("color", HEDDLE_ACCESS_COLOR, VK_FORMAT_R16G16B16A16_SFLOAT), value("camera", "HeddleView camera;")},
       ShaderKind::kSurfaces);
+  made.roles = {{&role, Join::kSwitch, {}}};
   const CompiledShader shader = compile(made, {});
   expect_valid(shader.spirv);
   EXPECT_TRUE(shader.uses_materials);

@@ -1,0 +1,307 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "integrator.hpp"
+
+#include "hemisphere.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace heddle::path_tracer {
+namespace {
+
+using glm::dvec2;
+using glm::dvec3;
+
+// Pairs of numbers: one for the pixel, then as many for each surface on a path, and two far behind them.
+constexpr std::uint32_t kFirstPair = 1, kPairsASurface = 4, kVisibilityPair = 1U << 30U;
+enum : std::uint32_t { kChoicePair, kLightPair, kMaterialPair, kFatePair };
+
+// A path that only passes through things ends here: more layers than a scene has in one line, but for traps.
+constexpr std::uint32_t kMostSurfaces = 4096;
+// Roulette keeps no path for certain: even in a white box it ends.
+constexpr double kLongestLife = 0.99;
+// How far before a light's shape, relative to its distance, a surface may stand that is its picture.
+constexpr double kShapeSlack = 1e-4;
+// Float32 rays to a point end this much before it.
+constexpr double kEndSlack = 0x1p-20;
+
+double largest(const dvec3& v) {
+  return std::max({v.x, v.y, v.z});
+}
+bool is_dark(const dvec3& v) {
+  return !(v.x > 0.0 || v.y > 0.0 || v.z > 0.0);
+}
+
+/// (3) Veach and Guibas 1995, the power heuristic with exponent 2.
+double weight(double pdf, double other) {
+  if (!(pdf > 0.0)) return 0.0;
+  const double ratio = other / pdf;
+  return 1.0 / (1.0 + ratio * ratio);
+}
+
+}  // namespace
+
+/// A surface in the frame of its normal.
+struct Integrator::Shading {
+  const Surface& surface;
+  dvec3 origin;  // where rays leave on the viewer's side
+  glm::dmat3 basis;
+  dvec3 view;  // in the frame
+  Shading(const Surface& shaded, const dvec3& to_viewer)
+      : surface(shaded),
+        origin(shaded.foot.above(shaded.is_front ? 1.0 : -1.0)),
+        basis(sampling::basis_around(shaded.normal)),
+        view(glm::transpose(basis) * to_viewer) {
+    view.z = std::max(view.z, 0.0);
+  }
+};
+
+Integrator::Reflection Integrator::evaluate(const Shading& shading, const dvec3& light) const {
+  const heddle_surface_point* point = &shading.surface.point;
+  const std::uint32_t compensates = settings.has_multiple_scattering ? 1 : 0;
+  Reflection r;
+  r.light = light;
+  if (material->struct_size > offsetof(heddle_surface_material_service, evaluate_parts)) {
+    material->evaluate_parts(point, &shading.view.x, &light.x, compensates, &r.diffuse.x, &r.specular.x, &r.pdf);
+    return r;
+  }
+  material->evaluate(point, &shading.view.x, &light.x, 1, compensates, &r.diffuse.x);
+  material->evaluate(point, &shading.view.x, &light.x, 2, compensates, &r.specular.x);
+  r.pdf = material->pdf(point, &shading.view.x, &light.x);
+  return r;
+}
+
+Integrator::Reflection Integrator::draw(const Shading& shading, const dvec2& u, double u_lobe) const {
+  const heddle_surface_point* point = &shading.surface.point;
+  Reflection r;
+  if (material->struct_size > offsetof(heddle_surface_material_service, sample_parts)) {
+    material->sample_parts(point, &shading.view.x, &u.x, u_lobe, settings.has_multiple_scattering ? 1 : 0, &r.light.x,
+                           &r.diffuse.x, &r.specular.x, &r.pdf);
+    return r;
+  }
+  material->sample(point, &shading.view.x, &u.x, u_lobe, &r.light.x, &r.pdf);
+  return r.pdf > 0.0 ? evaluate(shading, r.light) : Reflection{};
+}
+
+dvec3 Integrator::passed(const Surface& surface, const dvec3& to_viewer) const {
+  if (surface.transmission <= 0.0) return dvec3(0.0);
+  heddle_surface_point black = surface.point;
+  std::fill(std::begin(black.base_color), std::end(black.base_color), 0.0);
+  black.metalness = 0.0;
+  dvec3 specular;
+  material->albedo(&black, std::clamp(glm::dot(surface.normal, to_viewer), 0.0, 1.0), 2,
+                   settings.has_multiple_scattering ? 1 : 0, &specular.x);
+  const dvec3 color(surface.point.base_color[0], surface.point.base_color[1], surface.point.base_color[2]);
+  return surface.transmission * std::clamp(1.0 - specular.x, 0.0, 1.0) * color;
+}
+
+dvec3 Integrator::transmittance(Ray ray, Counts& counts) const {
+  ++counts.shadow_rays;
+  if (geometry->is_blocked(ray)) return dvec3(0.0);
+  dvec3 share(1.0);
+  if (!settings.has_blended_shadows || !geometry->has_blended()) return share;
+  Hit hit;
+  for (std::uint32_t i = 0; i < kMostSurfaces && geometry->find_blended(ray, hit) && !is_dark(share); ++i) {
+    const Surface surface = surfaces->at(*geometry, hit, -ray.direction);
+    share *= (1.0 - surface.coverage) + surface.coverage * passed(surface, -ray.direction);
+    ray.origin = surface.foot.above(surface.is_front ? -1.0 : 1.0);
+    ray.length -= hit.distance;
+    if (!(ray.length > 0.0)) break;
+    ++counts.shadow_rays;
+  }
+  return share;
+}
+
+dvec3 Integrator::light_directly(const Shading& shading, const Sampler& sampler, std::uint32_t dimension,
+                                 Counts& counts) const {
+  const LightSample light =
+      emitters->sample(shading.origin, shading.surface.normal, sampler.pair(dimension + kChoicePair).x,
+                       sampler.pair(dimension + kLightPair));
+  if (!(light.probability > 0.0) || !(light.arrival.pdf > 0.0) || is_dark(light.arrival.value)) return dvec3(0.0);
+  const dvec3 local = glm::transpose(shading.basis) * light.arrival.direction;
+  if (local.z <= 0.0 || glm::dot(light.arrival.direction, shading.surface.facet) <= 0.0) return dvec3(0.0);
+  const Reflection reflection = evaluate(shading, local);
+  const dvec3 f = reflection.diffuse + reflection.specular;
+  if (is_dark(f)) return dvec3(0.0);
+  const double pdf = light.probability * light.arrival.pdf;
+  dvec3 value = f * light.arrival.value * (local.z / pdf);
+  if (light.has_size && light.can_be_met) value *= weight(pdf, reflection.pdf);
+  if (light.casts_shadow) {
+    Ray ray{shading.origin, light.arrival.direction, light.arrival.distance};
+    ray.length *= 1.0 - (light.has_slack ? kShapeSlack : kEndSlack);
+    value *= transmittance(ray, counts);
+  }
+  return value;
+}
+
+void Integrator::find_visibility(const Surface& surface, const Sampler& sampler, Estimate& out, Counts& counts) const {
+  const dvec3 origin = surface.foot.above(surface.is_front ? 1.0 : -1.0);
+  const dvec3 up = sampling::basis_around(surface.normal_geometric) *
+                   sampling::sample_cosine_hemisphere(sampler.pair(kVisibilityPair));
+  ++counts.visibility_rays;
+  out.occlusion =
+      glm::dot(up, surface.facet) > 0.0 && !geometry->is_blocked({origin, up, settings.occlusion_radius}) ? 1.0 : 0.0;
+  for (const Light& light : emitters->lights()) {
+    const bool is_meant = settings.shadow_light < 0
+                              ? light.casts_shadow
+                              : light.record.id == static_cast<std::uint32_t>(settings.shadow_light);
+    if (!is_meant) continue;
+    const Arrival arrival =
+        light.has_size() ? sample_light(light, origin, sampler.pair(kVisibilityPair + 1), emitters->light_textures())
+                         : arrival_without_size(light, origin);
+    if (!(arrival.pdf > 0.0)) return;
+    ++counts.visibility_rays;
+    const double slack = light.is_shape() ? kShapeSlack : kEndSlack;
+    out.shadow = glm::dot(arrival.direction, surface.facet) > 0.0 &&
+                         !geometry->is_blocked({origin, arrival.direction, arrival.distance * (1.0 - slack)})
+                     ? 1.0
+                     : 0.0;
+    return;
+  }
+}
+
+Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Counts& counts) const {
+  Estimate out;
+  Ray ray = camera_ray;
+  dvec3 beta(1.0);           // what light that comes along the ray is worth
+  dvec3 diffuse_share(0.0);  // of beta: what the first surface's diffuse lobe reflects
+  std::uint32_t bounces = 0;
+  bool is_first = true;  // no solid surface yet
+  double uncovered = 1.0;
+  // The last surface that reflected: rays through layers go on from there.
+  dvec3 from(0.0), from_normal(0.0);
+  double from_pdf = 0.0, travelled = 0.0;
+
+  const auto add = [&](const dvec3& radiance) {
+    const dvec3 light = beta * radiance;
+    if (bounces == 0) {
+      out.emission += light;
+    } else if (bounces == 1) {
+      out.direct += light;
+    } else {
+      const dvec3 diffuse = light * diffuse_share;
+      out.indirect_diffuse += diffuse;
+      out.indirect_specular += light - diffuse;
+    }
+  };
+
+  for (std::uint32_t event = 0; event < kMostSurfaces; ++event) {
+    const std::uint32_t dimension = kFirstPair + event * kPairsASurface;
+    Hit hit;
+    ++counts.rays;
+    const bool is_hit = geometry->find_nearest(ray, hit);
+    const double reached = is_hit ? travelled + hit.distance : ray.length;
+
+    // Lights' own shapes stand in nobody's way, and the camera does not see them.
+    if (bounces > 0)
+      emitters->meet(from, from_normal, ray.direction, travelled * (1.0 + kShapeSlack), reached * (1.0 + kShapeSlack),
+                     [&](const dvec3& value, double pdf) { add(value * weight(from_pdf, pdf)); });
+    if (!is_hit) {
+      const double pdf = bounces > 0 ? emitters->pdf_sky(from, from_normal, ray.direction) : 0.0;
+      if (emitters->sky().shines())
+        add(emitters->sky().radiance(ray.direction) * (bounces > 0 ? weight(from_pdf, pdf) : 1.0));
+      if (bounces > 0)
+        emitters->meet_discs(from, from_normal, ray.direction,
+                             [&](const dvec3& value, double other) { add(value * weight(from_pdf, other)); });
+      break;
+    }
+
+    const dvec3 to_viewer = -ray.direction;
+    Surface surface = surfaces->at(*geometry, hit, to_viewer);
+    const auto pass_through = [&](const dvec3& share) {
+      beta *= share;
+      travelled = reached;
+      ray.origin = surface.foot.above(surface.is_front ? -1.0 : 1.0);
+    };
+    // The camera looks through backs, as rasterizers cull them; light does not.
+    if (bounces == 0 && !surface.is_front && !surface.is_double_sided) {
+      pass_through(dvec3(1.0));
+      continue;
+    }
+
+    if (surface.is_unlit) {
+      add(surface.emissive * surface.coverage);
+    } else if (!is_dark(surface.emissive) && (bounces == 0 || settings.glows)) {
+      const double pdf =
+          bounces > 0 ? emitters->pdf_triangle(from, from_normal, hit.triangle, surface.foot, ray.direction, reached)
+                      : 0.0;
+      add(surface.emissive * (surface.coverage * (bounces > 0 ? weight(from_pdf, pdf) : 1.0)));
+    }
+    if (is_first && settings.finds_visibility && bounces == 0 && !surface.is_blended) {
+      find_visibility(surface, sampler, out, counts);
+      is_first = false;
+    }
+
+    const dvec3 through =
+        surface.is_blended ? (1.0 - surface.coverage) + surface.coverage * passed(surface, to_viewer) : dvec3(0.0);
+    if (bounces == 0) uncovered *= surface.is_blended ? 1.0 - surface.coverage : 0.0;
+    const bool can_reflect =
+        !surface.is_unlit && surface.coverage > 0.0 && (settings.most_bounces == 0 || bounces < settings.most_bounces);
+    if (!can_reflect) {
+      if (is_dark(through)) break;
+      pass_through(through);
+      continue;
+    }
+    for (double& channel : surface.point.base_color) channel *= 1.0 - surface.transmission;
+
+    const Shading shading(surface, to_viewer);
+    beta *= surface.coverage;
+    ++bounces;  // for what add() counts it as
+    add(light_directly(shading, sampler, dimension, counts));
+
+    // Pass on or reflect, by what either may bring.
+    const dvec2 fate = sampler.pair(dimension + kFatePair);
+    double reflects = 1.0;
+    if (surface.is_blended) {
+      dvec3 albedo;
+      material->albedo(&surface.point, shading.view.z, 0, settings.has_multiple_scattering ? 1 : 0, &albedo.x);
+      const double pass = largest(through), reflect = surface.coverage * largest(albedo);
+      if (!(pass + reflect > 0.0)) break;
+      reflects = reflect / (pass + reflect);
+      if (fate.y >= reflects) {
+        --bounces;
+        beta /= surface.coverage;
+        pass_through(through / (1.0 - reflects));
+        continue;
+      }
+    }
+
+    const Reflection reflection =
+        draw(shading, sampler.pair(dimension + kMaterialPair), sampler.pair(dimension + kChoicePair).y);
+    if (!(reflection.pdf > 0.0)) break;
+    const dvec3 direction = glm::normalize(shading.basis * reflection.light);
+    if (glm::dot(direction, surface.facet) <= 0.0) break;
+    const dvec3 f = reflection.diffuse + reflection.specular;
+    if (bounces == 1) {
+      for (glm::length_t c = 0; c < 3; ++c) diffuse_share[c] = f[c] > 0.0 ? reflection.diffuse[c] / f[c] : 0.0;
+    }
+    beta *= f * (reflection.light.z / (reflection.pdf * reflects));
+    if (is_dark(beta)) break;
+    if (bounces >= settings.roulette_from) {
+      const double life = std::min(largest(beta), kLongestLife);
+      if (fate.x >= life) break;
+      beta /= life;
+    }
+    from = shading.origin;
+    from_normal = surface.normal;
+    from_pdf = reflection.pdf;
+    travelled = 0.0;
+    ray = {shading.origin, direction};
+  }
+  // What lies behind a layer that reflected covers too.
+  if (bounces > 0 && uncovered > 0.0 && uncovered < 1.0) {
+    Ray behind = camera_ray;
+    uncovered = 1.0;
+    Hit hit;
+    for (std::uint32_t i = 0; i < kMostSurfaces && uncovered > 0.0 && geometry->find_nearest(behind, hit); ++i) {
+      const Surface surface = surfaces->at(*geometry, hit, -behind.direction);
+      if (surface.is_front || surface.is_double_sided) uncovered *= surface.is_blended ? 1.0 - surface.coverage : 0.0;
+      behind.origin = surface.foot.above(surface.is_front ? -1.0 : 1.0);
+    }
+  }
+  out.coverage = 1.0 - uncovered;
+  return out;
+}
+
+}  // namespace heddle::path_tracer

@@ -1,0 +1,497 @@
+// SPDX-License-Identifier: Apache-2.0
+// ray_tracing/path_tracer: the scene -> radiance with all its bounces, its parts, and how wrong it is, on the CPU. The
+// physical reference of what lights, shadows and occlusion mean.
+#include "content_hash.hpp"
+#include "film.hpp"
+
+#include <heddle/counters.h>
+#include <heddle/parallel.h>
+#include <heddle/pass.hpp>
+
+#include <glm/gtc/type_ptr.hpp>
+
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+
+namespace {
+
+using namespace heddle::path_tracer;
+using namespace heddle::pass;
+using glm::dvec3;
+
+constexpr VkFormat kRgba = VK_FORMAT_R32G32B32A32_SFLOAT, kR = VK_FORMAT_R32_SFLOAT;
+
+constexpr heddle_port kPorts[] = {
+    surfaces_in("surfaces", "what is seen and reflects; blended ones too"),
+    value_in("camera", "where from"),
+    value_in("lights", "every light of the frame"),
+    value_in("light_textures", "images on rectangle lights", HEDDLE_PORT_OPTIONAL),
+    value_in("environment", "for its size: the sky is looked at as finely", HEDDLE_PORT_OPTIONAL),
+    image_out_sized("sky_map", kRgba, 512, 256, "what the role sky answers, equirectangular [cd/m^2]",
+                    HEDDLE_PORT_KEPT),
+    image_out("radiance", kRgba, "towards the camera [cd/m^2]; a: share of the pixel that surfaces cover",
+              HEDDLE_PORT_KEPT),
+    image_out("variance", kRgba, "of radiance, as an estimate [cd^2/m^4]", HEDDLE_PORT_KEPT),
+    image_out("emission", kRgba, "what glows, and the background [cd/m^2]", HEDDLE_PORT_KEPT),
+    image_out("direct", kRgba, "light that was reflected once [cd/m^2]", HEDDLE_PORT_KEPT),
+    image_out("indirect_diffuse", kRgba, "reflected more often, at last by a diffuse lobe [cd/m^2]", HEDDLE_PORT_KEPT),
+    image_out("indirect_specular", kRgba, "reflected more often, at last by a specular lobe [cd/m^2]",
+              HEDDLE_PORT_KEPT),
+    image_out("occlusion", kR, "1 open, 0 closed, within occlusion_radius; 1 unless `visibility`", HEDDLE_PORT_KEPT),
+    image_out("shadow", kR, "1 lit by shadow_light, 0 in shadow; 1 unless `visibility`", HEDDLE_PORT_KEPT),
+};
+
+constexpr const char* kPoints[] = {"sobol", "independent", nullptr};
+constexpr const char* kFilters[] = {"box", "point", nullptr};
+constexpr const char* kGlow[] = {"lights", "seen", nullptr};
+constexpr double kSampleLadder[] = {1, 4, 16, 64, 256, 1024, 4096};
+constexpr double kBounceLadder[] = {1, 2, 4, 8, 16, 0};
+constexpr double kSkyLadder[] = {64, 128, 256, 512, 1024};
+
+constexpr heddle_parameter kParameters[] = {
+    knob(integer("samples", "1", 1, 1000000, 64, "paths a pixel; powers of two times 8 fill the square most evenly"),
+         kSampleLadder),
+    parameter("target_error", "1", 0, 1, 0,
+              "ends once the standard error, over all pixels, is this share of the mean radiance; 0: never before "
+              "`samples`"),
+    integer("samples_per_frame", "1", 0, 1000000, 0, "how many of them in one frame; 0: all"),
+    choice("points", kPoints, 0, "sobol: Owen-scrambled Sobol points; independent: numbers without plan"),
+    choice("filter", kFilters, 0, "box: rays anywhere in the pixel; point: through its centre, as rasterizers look"),
+    knob(integer("bounces", "1", 0, 65535, 0, "reflections of light, at most; 0: as many as there are"), kBounceLadder),
+    integer("roulette_from", "1", 1, 65535, 4, "reflections that no path is ended before by chance"),
+    toggle("multiple_scattering", true, "as surface_material/ggx's parameter, which must be the same"),
+    choice("emission", kGlow, 0,
+           "what glows lights others (lights), or is seen by the camera alone, where lights stand for it (seen)"),
+    toggle("blended_shadows", true, "light that passes through blended surfaces is tinted by them; else it is not"),
+    toggle("visibility", false, "makes `occlusion` and `shadow` too, for up to two more rays a sample"),
+    parameter("occlusion_radius", "m", 1e-6, 1e9, 0.5, "distance from which on a surface no longer occludes"),
+    integer("shadow_light", "1", -1, 1000000, -1, "whose shadow: the light's number; -1: the first that casts one"),
+    knob(integer("sky_resolution", "px", 8, 8192, 256,
+                 "rows of the image of the sky; an environment of more rows has its own"),
+         kSkyLadder),
+    integer("threads", "1", 0, 1024, 0, "that trace; 0: one a processor. Changes no bit"),
+    text("checkpoint",
+         "file that samples are kept in and taken from; a folder (with / at its end): one for each scene and settings",
+         HEDDLE_PARAMETER_REDECLARE),
+};
+
+constexpr heddle_access kSkyAccesses[] = {storage_write("sky_map")};
+constexpr heddle_access kTraceAccesses[] = {
+    host_read("sky_map"),    host_read("surfaces"),          value("camera"),
+    value("lights"),         value("light_textures"),        value("environment"),
+    host_write("radiance"),  host_write("variance"),         host_write("emission"),
+    host_write("direct"),    host_write("indirect_diffuse"), host_write("indirect_specular"),
+    host_write("occlusion"), host_write("shadow"),
+};
+enum : std::uint32_t { kSky, kTrace };
+constexpr heddle_stage kStages[] = {gpu_stage("sky", kSkyAccesses), cpu_stage("trace", kTraceAccesses)};
+constexpr heddle_shader kShaders[] = {compute_shader("sky", "sky", "sky.comp.glsl", "sky surface_material")};
+
+/// Tiles that are traced before the host is asked whether to go on.
+constexpr std::uint32_t kTilesAStep = 64;
+/// Samples of each pixel between two looks at the error.
+constexpr std::uint32_t kLeastRound = kReplicates;
+
+/// Rays of a view, from the origin of the triangles.
+class Camera {
+ public:
+  Camera(const HeddleView& view, const dvec3& origin)
+      : view_(view), rel_from_view_(glm::dmat4(glm::make_mat4(view.rel_from_view))), origin_(origin) {}
+
+  /// `place`: in the pixel, from its upper left corner.
+  [[nodiscard]] Ray ray(std::uint32_t x, std::uint32_t y, const glm::dvec2& place) const {
+    const glm::dvec2 jitter(view_.jitter[0], view_.jitter[1]), extent(view_.extent[0], view_.extent[1]);
+    const glm::dvec2 ndc = (glm::dvec2(x, y) + place - jitter) * 2.0 / extent - 1.0;
+    const glm::dvec2 at = ndc * glm::dvec2(view_.half_size[0], -view_.half_size[1]);
+    const double near = static_cast<double>(view_.near_distance);
+    const bool is_flat = view_.is_orthographic != 0;
+    const dvec3 start = is_flat ? dvec3(at, -near) : dvec3(at, -1.0) * near;
+    const dvec3 along = is_flat ? dvec3(0, 0, -1) : glm::normalize(dvec3(at, -1.0));
+    return {origin_ + dvec3(rel_from_view_ * glm::dvec4(start, 1.0)),
+            glm::normalize(glm::dmat3(rel_from_view_) * along)};
+  }
+
+ private:
+  HeddleView view_;
+  glm::dmat4 rel_from_view_;
+  dvec3 origin_;
+};
+
+/// The mapped outputs.
+struct Outputs {
+  heddle_mapped radiance, variance, emission, direct, indirect_diffuse, indirect_specular, occlusion, shadow;
+
+  heddle_status map(const Frame& frame) {
+    const std::pair<const char*, heddle_mapped*> all[] = {{"radiance", &radiance},
+                                                          {"variance", &variance},
+                                                          {"emission", &emission},
+                                                          {"direct", &direct},
+                                                          {"indirect_diffuse", &indirect_diffuse},
+                                                          {"indirect_specular", &indirect_specular},
+                                                          {"occlusion", &occlusion},
+                                                          {"shadow", &shadow}};
+    for (const auto& [name, mapped] : all)
+      if (const heddle_status status = frame.map(name, *mapped); status != HEDDLE_OK) return status;
+    return HEDDLE_OK;
+  }
+
+  void write(const Film& film) const {
+    for (std::uint32_t y = 0; y < radiance.shape.height; ++y)
+      for (std::uint32_t x = 0; x < radiance.shape.width; ++x) {
+        const PixelSums& sums = film.at(x, y);
+        const std::uint32_t samples = film.samples_at(x, y);
+        const double scale = samples > 0 ? 1.0 / samples : 0.0;
+        const double coverage = std::clamp(sums.coverage * scale, 0.0, 1.0);
+        put(radiance, x, y, sums.mean(samples), coverage);
+        put(variance, x, y, sums.variance(samples), 1.0);
+        put(emission, x, y, sums.emission * scale, coverage);
+        put(direct, x, y, sums.direct * scale, coverage);
+        put(indirect_diffuse, x, y, sums.indirect_diffuse * scale, coverage);
+        put(indirect_specular, x, y, sums.indirect_specular * scale, coverage);
+        *at(occlusion, x, y, 1) = static_cast<float>(sums.occlusion * scale);
+        *at(shadow, x, y, 1) = static_cast<float>(sums.shadow * scale);
+      }
+  }
+
+ private:
+  static float* at(const heddle_mapped& image, std::uint32_t x, std::uint32_t y, std::uint32_t channels) {
+    return reinterpret_cast<float*>(static_cast<std::byte*>(image.data) + y * image.row_bytes) +
+           std::size_t{x} * channels;
+  }
+  static void put(const heddle_mapped& image, std::uint32_t x, std::uint32_t y, const dvec3& value, double alpha) {
+    float* out = at(image, x, y, 4);
+    for (glm::length_t c = 0; c < 3; ++c) out[c] = static_cast<float>(value[c]);
+    out[3] = static_cast<float>(alpha);
+  }
+};
+
+class PathTracer {
+ public:
+  heddle_status declare(const PassHost& host) {
+    const std::string written = host.text("checkpoint");
+    checkpoint_place_ = written.empty() ? written : host.resolve_path(written);
+    is_folder_ = written.ends_with('/');
+    film_ = {};
+    const heddle_shape environment = host.shape("environment");
+    heddle_shape map{};
+    map.height = static_cast<std::uint32_t>(host.integer("sky_resolution"));
+    map.width = 2 * map.height;
+    if (environment.is_bound != 0 && environment.height > map.height) {
+      map.width = environment.width;
+      map.height = environment.height;
+    }
+    return host.set_shape("sky_map", map);
+  }
+
+  heddle_status prepare(const PassHost&) {
+    is_drawn_ = is_done_ = false;
+    return HEDDLE_OK;
+  }
+
+  std::uint32_t activity(const Frame& frame) {
+    if (frame.info().is_still == 0) is_drawn_ = is_done_ = false;
+    return (frame.stage() == kSky ? is_drawn_ : is_done_) ? HEDDLE_KEEP : HEDDLE_RUN;
+  }
+
+  heddle_status record(const Frame& frame) {
+    is_drawn_ = true;
+    return frame.dispatch_over("sky", "sky_map");
+  }
+
+  heddle_status execute(const Frame& frame) {
+    heddle_mapped sky;
+    Outputs outputs;
+    heddle_status status = frame.map("sky_map", sky);
+    if (status == HEDDLE_OK) status = outputs.map(frame);
+    if (status == HEDDLE_OK) status = read_scene(frame, sky);
+    if (status != HEDDLE_OK) return status;
+    const HeddleView view = frame.value<HeddleView>("camera").front();
+    const std::uint32_t width = outputs.radiance.shape.width, height = outputs.radiance.shape.height;
+    const std::uint64_t key = key_of(frame, view);
+    counts_ = {};
+    std::uint64_t taken_up = 0;
+    if (!film_.is_of(width, height, key)) {
+      film_.reset(width, height, key);
+      checkpoint_ = checkpoint_of();
+      take_up(frame.host(), taken_up);
+    }
+    const std::uint32_t before = film_.samples();
+    status = trace(frame, view);
+    const bool is_new = film_.samples() != before || status != HEDDLE_OK;
+    if (is_new && !checkpoint_.empty()) keep(frame.host());
+    count(frame.host(), film_.samples() - before, taken_up);
+    geometry_.set_alpha_test(nullptr, nullptr);
+    if (status != HEDDLE_OK) return status;
+    outputs.write(film_);
+    return HEDDLE_OK;
+  }
+
+ private:
+  heddle_status read_scene(const Frame& frame, const heddle_mapped& sky) {
+    const PassHost& host = frame.host();
+    const auto* materials = host.service<heddle_materials_service>(HEDDLE_MATERIALS_SERVICE);
+    if (materials == nullptr)
+      return host.fail(HEDDLE_UNSUPPORTED, "needs the host's service " HEDDLE_MATERIALS_SERVICE);
+    integrator_.material = host.function_service<heddle_surface_material_service>("surface_material");
+    if (integrator_.material == nullptr) {
+      return host.fail(HEDDLE_BAD_INPUT,
+                       "needs a surface_material that answers on the CPU too; found none above it: add a pass of role "
+                       "'surface_material', technique 'ggx'");
+    }
+    if (frame.value<HeddleView>("camera").empty()) return host.fail(HEDDLE_BUG, "camera has no value");
+    const heddle_snapshot* snapshot = nullptr;
+    heddle_alpha_test alpha_test = nullptr;
+    if (const heddle_status status = frame.snapshot("surfaces", snapshot, alpha_test); status != HEDDLE_OK)
+      return status;
+    if (!surfaces_.update(host.raw(), *materials, *snapshot)) return HEDDLE_BUG;
+    if (!geometry_.update(*snapshot)) return host.fail(HEDDLE_FAILED, geometry_.error());
+    geometry_.set_alpha_test(snapshot, alpha_test);
+    // In large worlds both origins are far from the scene's zero: their difference is taken in float64.
+    frame_origin_ = glm::make_vec3(frame.info().origin) - glm::make_vec3(snapshot->origin);
+
+    const auto* texels = static_cast<const float*>(sky.data);
+    ContentHash sky_hash;
+    sky_hash.add_bytes(texels, std::size_t{16} * sky.shape.width * sky.shape.height);
+    if (sky_hash.value() != sky_hash_) {
+      sky_.set(sky.shape.width, sky.shape.height, texels);
+      sky_hash_ = sky_hash.value();
+    }
+    heddle_scene_look look{};
+    look.struct_size = sizeof look;
+    if (const heddle_status status = materials->look(host.raw(), &look); status != HEDDLE_OK) return status;
+    if (look.revision != look_revision_ || snapshot->revision != snapshot_revision_) {
+      look_revision_ = look.revision;
+      snapshot_revision_ = snapshot->revision;
+      scene_hash_ = hash_of(*snapshot);
+    }
+
+    const auto lights = frame.value<HeddleLight>("lights");
+    const auto textures = frame.value<glm::vec4>("light_textures");
+    const bool glows = host.choice("emission") == 0;
+    ContentHash light_hash;
+    light_hash.add(scene_hash_);
+    light_hash.add(frame_origin_);
+    light_hash.add(glows);
+    light_hash.add_bytes(lights.data(), lights.size_bytes());
+    light_hash.add_bytes(textures.data(), textures.size_bytes());
+    if (light_hash.value() != light_hash_) {
+      emitters_.update(lights, textures, frame_origin_, geometry_, surfaces_, sky_, glows);
+      light_hash_ = light_hash.value();
+    }
+    integrator_.geometry = &geometry_;
+    integrator_.surfaces = &surfaces_;
+    integrator_.emitters = &emitters_;
+    Settings& settings = integrator_.settings;
+    settings.points = static_cast<Points>(host.choice("points"));
+    settings.most_bounces = static_cast<std::uint32_t>(host.integer("bounces"));
+    settings.roulette_from = static_cast<std::uint32_t>(host.integer("roulette_from"));
+    settings.has_multiple_scattering = host.toggle("multiple_scattering");
+    settings.glows = glows;
+    settings.has_blended_shadows = host.toggle("blended_shadows");
+    settings.finds_visibility = host.toggle("visibility");
+    settings.occlusion_radius = host.parameter("occlusion_radius");
+    settings.shadow_light = static_cast<std::int32_t>(host.integer("shadow_light"));
+    return HEDDLE_OK;
+  }
+
+  [[nodiscard]] std::uint64_t hash_of(const heddle_snapshot& snapshot) const {
+    ContentHash hash;
+    const std::size_t vertices = snapshot.vertex_count, triangles = snapshot.triangle_count;
+    hash.add_bytes(snapshot.positions, vertices * 12);
+    hash.add_bytes(snapshot.normals, vertices * 12);
+    hash.add_bytes(snapshot.uvs, vertices * 8);
+    hash.add_bytes(snapshot.indices, triangles * 12);
+    hash.add_bytes(snapshot.materials, triangles * 4);
+    hash.add_bytes(snapshot.flags, triangles * 4);
+    hash.add(surfaces_.hash());
+    return hash.value();
+  }
+
+  /// Of all that a sample depends on, but for its number.
+  [[nodiscard]] std::uint64_t key_of(const Frame& frame, const HeddleView& view) const {
+    const PassHost& host = frame.host();
+    ContentHash hash;
+    hash.add(light_hash_);
+    hash.add(sky_hash_);
+    hash.add(view.rel_from_view);
+    hash.add(view.half_size);
+    hash.add(view.near_distance);
+    hash.add(view.is_orthographic);
+    hash.add(view.extent);
+    hash.add(view.jitter);
+    hash.add(frame.info().seed);
+    for (const char* name : {"points", "filter", "emission"}) hash.add(host.choice(name));
+    for (const char* name : {"bounces", "roulette_from", "shadow_light"}) hash.add(host.integer(name));
+    for (const char* name : {"multiple_scattering", "blended_shadows", "visibility"}) hash.add(host.toggle(name));
+    hash.add(host.parameter("occlusion_radius"));
+    return hash.value();
+  }
+
+  heddle_status trace(const Frame& frame, const HeddleView& view) {
+    const PassHost& host = frame.host();
+    const auto wanted = static_cast<std::uint32_t>(host.integer("samples"));
+    const auto a_frame = static_cast<std::uint32_t>(host.integer("samples_per_frame"));
+    const double target = host.parameter("target_error");
+    const std::uint32_t first = film_.samples();
+    const std::uint32_t last =
+        a_frame == 0 ? wanted : std::min(wanted, first + std::min(a_frame, wanted - std::min(first, wanted)));
+    is_done_ = has_reached(target);
+    // Rounds double, so that looking at the error costs little; none is shorter than what gives every scrambling a
+    // point.
+    for (std::uint32_t done = first; !is_done_ && done < last;) {
+      const std::uint32_t round = target > 0.0 ? std::max(kLeastRound, done / kLeastRound * kLeastRound) : last;
+      done = std::min(last - done < round ? last : done + round, last);
+      if (const heddle_status status = trace_to(frame, view, done, first, last); status != HEDDLE_OK) return status;
+      is_done_ = has_reached(target);
+    }
+    is_done_ = is_done_ || film_.samples() >= wanted;
+    return HEDDLE_OK;
+  }
+
+  [[nodiscard]] bool has_reached(double target) const {
+    // Fewer than 4 points a scrambling say too little about their own error.
+    return target > 0.0 && film_.samples() >= 4 * kReplicates && film_.error().relative <= target;
+  }
+
+  /// Until every pixel has `samples`.
+  heddle_status trace_to(const Frame& frame, const HeddleView& view, std::uint32_t samples, std::uint32_t first,
+                         std::uint32_t last) {
+    struct Work {
+      PathTracer* self;
+      Camera camera;
+      std::uint32_t samples, first_tile;
+      std::uint64_t seed;
+      bool is_box;
+      std::vector<Counts> counts;  // by thread
+      std::atomic<bool> has_failed{false};
+    };
+    const PassHost& host = frame.host();
+    const auto* parallel = host.service<heddle_parallel_service>(HEDDLE_PARALLEL_SERVICE);
+    const auto threads = static_cast<std::uint32_t>(host.integer("threads"));
+    Work work{this, Camera(view, frame_origin_), samples, 0, frame.info().seed, host.choice("filter") == 0, {}};
+    work.counts.resize(parallel != nullptr ? parallel->most_threads(host.raw(), threads) : 1);
+    const auto trace_tile = [](void* user, std::uint64_t index, std::uint32_t thread) {
+      auto& job = *static_cast<Work*>(user);
+      job.self->trace_tile(job.first_tile + static_cast<std::uint32_t>(index), job.samples, job.camera, job.seed,
+                           job.is_box, job.counts[thread]);
+    };
+    const std::uint32_t tiles = film_.tile_count();
+    heddle_status status = HEDDLE_OK;
+    const std::uint32_t before = film_.samples();
+    for (; work.first_tile < tiles && status == HEDDLE_OK; work.first_tile += kTilesAStep) {
+      const std::uint32_t count = std::min(kTilesAStep, tiles - work.first_tile);
+      if (parallel != nullptr) {
+        status = parallel->for_each(host.raw(), threads, count, trace_tile, &work);
+      } else {
+        for (std::uint32_t i = 0; i < count; ++i) trace_tile(&work, i, 0);
+      }
+      const double share = static_cast<double>(work.first_tile + count) / tiles;
+      const double done = (before - first + share * (samples - before)) / std::max(last - first, 1U);
+      if (status == HEDDLE_OK) status = frame.progress(std::min(done, 1.0));
+    }
+    for (const Counts& one : work.counts) {
+      counts_.rays += one.rays;
+      counts_.shadow_rays += one.shadow_rays;
+      counts_.visibility_rays += one.visibility_rays;
+    }
+    return status;
+  }
+
+  void trace_tile(std::uint32_t tile, std::uint32_t samples, const Camera& camera, std::uint64_t seed, bool is_box,
+                  Counts& counts) {
+    const std::uint32_t first = film_.tile_samples(tile);
+    if (first >= samples) return;
+    const Points points = integrator_.settings.points;
+    film_.for_tile(tile, [&](std::uint32_t x, std::uint32_t y, PixelSums& sums) {
+      const std::uint64_t pixel = sampling::pixel_seed(seed, x, y);
+      for (std::uint32_t i = first; i < samples; ++i) {
+        const Sampler sampler(points, pixel, i);
+        const Ray ray = camera.ray(x, y, is_box ? sampler.pair(0) : glm::dvec2(0.5));
+        sums.add(i, integrator_.estimate(ray, sampler, counts));
+      }
+    });
+    film_.set_tile_samples(tile, samples);
+  }
+
+  [[nodiscard]] std::filesystem::path checkpoint_of() const {
+    if (!is_folder_) return checkpoint_place_;
+    char name[32];
+    std::snprintf(name, sizeof name, "%016llx.path", static_cast<unsigned long long>(film_.key()));
+    return checkpoint_place_ / name;
+  }
+
+  void take_up(const PassHost& host, std::uint64_t& taken_up) {
+    if (checkpoint_.empty()) return;
+    switch (film_.load(checkpoint_)) {
+      case Film::Found::kLoaded:
+        taken_up = film_.samples();
+        break;
+      case Film::Found::kOther:
+        host.warn("checkpoint '" + checkpoint_.string() +
+                  "' is of another scene, view or settings: begins anew, and takes its place");
+        break;
+      case Film::Found::kDamaged:
+        host.warn("checkpoint '" + checkpoint_.string() + "' is damaged: begins anew, and takes its place");
+        break;
+      case Film::Found::kNothing:
+        break;
+    }
+  }
+
+  void keep(const PassHost& host) {
+    const FilmError error = film_.error();
+    char line[320];
+    std::snprintf(line, sizeof line,
+                  "{\"technique\": \"ray_tracing/path_tracer\", \"samples\": %u, \"standard_error\": %.9g, "
+                  "\"relative_error\": %.9g, \"points\": \"%s\", \"filter\": \"%s\", \"bounces\": %d, \"emission\": "
+                  "\"%s\"}\n",
+                  film_.samples(), std::isfinite(error.standard_error) ? error.standard_error : -1.0,
+                  std::isfinite(error.relative) ? error.relative : -1.0, kPoints[host.choice("points")],
+                  kFilters[host.choice("filter")], static_cast<int>(host.integer("bounces")),
+                  kGlow[host.choice("emission")]);
+    if (const std::string problem = film_.save(checkpoint_, line); !problem.empty())
+      host.warn("checkpoint is not kept: " + problem);
+  }
+
+  void count(const PassHost& host, std::uint32_t samples, std::uint64_t taken_up) const {
+    const auto* counters = host.service<heddle_counters_service>(HEDDLE_COUNTERS_SERVICE);
+    if (counters == nullptr) return;
+    const std::pair<const char*, std::uint64_t> all[] = {{"samples", samples},
+                                                         {"samples_taken_up", taken_up},
+                                                         {"rays", counts_.rays},
+                                                         {"shadow_rays", counts_.shadow_rays},
+                                                         {"visibility_rays", counts_.visibility_rays},
+                                                         {"glowing_triangles", emitters_.triangle_count()}};
+    for (const auto& [name, value] : all) counters->add(host.raw(), name, value);
+    const FilmError error = film_.error();
+    if (std::isfinite(error.relative))
+      counters->add(host.raw(), "relative_error_ppm", static_cast<std::uint64_t>(std::llround(error.relative * 1e6)));
+  }
+
+  Geometry geometry_;
+  Surfaces surfaces_;
+  Emitters emitters_;
+  SkyMap sky_;
+  Integrator integrator_;
+  Film film_;
+  Counts counts_;
+  dvec3 frame_origin_{0.0};
+  std::uint64_t sky_hash_ = 0, scene_hash_ = 0, light_hash_ = 0, look_revision_ = 0, snapshot_revision_ = 0;
+  std::filesystem::path checkpoint_place_, checkpoint_;
+  bool is_folder_ = false;
+  bool is_drawn_ = false, is_done_ = false;
+};
+
+constexpr heddle_technique kPathTracer = [] {
+  heddle_technique t = technique<PathTracer>(
+      "ray_tracing/path_tracer", "Every path of light to the camera, unbiased, on the CPU",
+      "Kajiya 1986, The Rendering Equation; Veach 1997, Robust Monte Carlo Methods for Light Transport Simulation",
+      kPorts, kParameters, kStages, kShaders);
+  t.flags = HEDDLE_TECHNIQUE_REFERENCE;
+  return t;
+}();
+
+}  // namespace
+
+HEDDLE_PLUGIN(kPathTracer)

@@ -1,0 +1,361 @@
+// SPDX-License-Identifier: Apache-2.0
+// texture_source/virtual: what pixels asked for some frames ago to tiles in a cache, and the function that looks them
+// up and asks for more. Nothing waits: what is not there yet shows its nearest ancestor that is.
+#include "residency.hpp"
+#include "texture_materials.hpp"
+
+#include <heddle/counters.h>
+#include <heddle/pass.hpp>
+
+#include <bit>
+#include <cstring>
+#include <limits>
+#include <span>
+
+namespace {
+
+using namespace heddle::pass;
+namespace tiles = heddle::texture_tiles;
+using heddle::virtual_texture::Changes;
+using heddle::virtual_texture::Residency;
+using heddle::virtual_texture::Tile;
+
+constexpr const char* kFilters[] = {"nearest", "bilinear", "trilinear", nullptr};
+constexpr const char* kTiles[] = {"64", "128", "256", nullptr};
+constexpr std::uint32_t kTileSizes[] = {64, 128, 256};
+constexpr const char* kSpacings[] = {"16", "8", "4", "2", nullptr};
+constexpr std::uint32_t kSpacingLog2[] = {4, 3, 2, 1};
+constexpr double kFilterLadder[] = {0, 1, 2};
+constexpr double kAnisotropyLadder[] = {1, 2, 4, 8, 16};
+constexpr double kUploadsLadder[] = {4, 8, 16, 32, 64};
+constexpr double kSpacingLadder[] = {0, 1, 2, 3};
+
+constexpr heddle_parameter kParameters[] = {
+    knob(choice("filtering", kFilters, 1, "of texels, and between levels"), kFilterLadder),
+    knob(integer("anisotropy", "1", 1, 16, 4, "taps along a pixel's long axis, at most; twice the border at most"),
+         kAnisotropyLadder),
+    parameter("bias", "1", 0, 1, 0, "levels are rounded up less it: 0 never finer than pixels, 1 never coarser"),
+    choice("tile", kTiles, 1, "texels along each side of a tile, without its border", HEDDLE_PARAMETER_REDECLARE),
+    integer("border", "px", 0, 16, 4, "of each tile, its neighbours' texels; 0: seams show",
+            HEDDLE_PARAMETER_REDECLARE),
+    integer("cache", "px", 128, 8192, 2048, "side of the image that tiles are in", HEDDLE_PARAMETER_REDECLARE),
+    knob(integer("uploads", "1", 1, 256, 16, "tiles that arrive in one frame, at most", HEDDLE_PARAMETER_REDECLARE),
+         kUploadsLadder),
+    knob(choice("spacing", kSpacings, 1, "of each square of so many pixels a side one asks in a frame"),
+         kSpacingLadder),
+    integer("window", "1", 1, 1024, 64, "frames for which a tile is wanted after a pixel has asked for it"),
+    parameter("fade", "s", 0, 10, 0.25, "until a tile that has come hides its parent"),
+};
+
+constexpr std::uint32_t kLatency = 2;
+constexpr std::uint32_t kFirstRequests = 4096;  // declare does not know how many pixels there are
+constexpr std::uint32_t kMostRequests = 1U << 22U;
+constexpr std::uint32_t kMostUpdate = 65536;                        // bytes of one update of a buffer
+constexpr std::uint64_t kMostTableBytes = std::uint64_t{1} << 27U;  // that every device lets a shader see
+constexpr std::uint32_t kFillThreads = 256;
+constexpr std::uint32_t kGroupsInRow = 32768;   // as fill.comp.glsl has it
+constexpr std::uint32_t kMostSlotsInRow = 256;  // entries have 8 bits
+constexpr float kLongAgo = -1e9F;               // s
+
+/// As virtual.glsl reads it.
+struct State {
+  std::uint32_t layout[4];  // tile, its logarithm, border, slots in a row
+  std::uint32_t query[4];   // spacing, offset x, y
+  float time[4];            // 1 / fade, now
+};
+
+constexpr heddle_port kPorts[] = {
+    value_out("virtual_materials", 32, "which material shows what", "uvec4 virtual_materials[];"),
+    value_out("virtual_state", sizeof(State), "layout of the cache, pixels that ask, time",
+              "uvec4 virtual_layout; uvec4 virtual_query; vec4 virtual_time;"),
+    value_out("tile_edits", 16, "tiles that came or went", "uvec4 tile_edits[];"),
+    buffer_out("tile_staging", 4, "uint tile_staging[];", "texels of tiles on their way"),
+    image_out_sized("tile_cache", VK_FORMAT_R8G8B8A8_SRGB, 1024, 1024, "resident tiles with their borders",
+                    HEDDLE_PORT_KEPT),
+    buffer_out("tile_table", 4, "uint tile_table[];", "slot and level for each tile of each level", HEDDLE_PORT_KEPT),
+    buffer_out("slot_births", 4, "float slot_births[];", "when the tile of a slot came", HEDDLE_PORT_KEPT),
+    list_out("requests", kFirstRequests, 8, "uvec2 requests[];", "tiles that pixels of this frame asked for"),
+};
+
+constexpr heddle_access kManageAccesses[] = {host_read("requests"), value("virtual_materials"), value("virtual_state"),
+                                             value("tile_edits")};
+constexpr heddle_access kStageAccesses[] = {transfer_write("tile_staging")};
+constexpr heddle_access kUploadAccesses[] = {transfer_read("tile_staging"), transfer_write("tile_cache")};
+constexpr heddle_access kPublishAccesses[] = {value("tile_edits"), storage_write("tile_table"),
+                                              transfer_write("slot_births")};
+constexpr heddle_access kFunctionAccesses[] = {
+    value("virtual_materials"),   value("virtual_state"),      storage_read("tile_table"),
+    sampled_linear("tile_cache"), storage_read("slot_births"), appended("requests"),
+};
+
+// Texels are in the cache before an entry of the table names them.
+enum : std::uint32_t { kManage, kStage, kUpload, kPublish };
+constexpr heddle_stage kStages[] = {
+    late(kLatency, cpu_stage("manage", kManageAccesses)),
+    gpu_stage("stage", kStageAccesses),
+    gpu_stage("upload", kUploadAccesses),
+    gpu_stage("publish", kPublishAccesses),
+};
+constexpr heddle_shader kShaders[] = {compute_shader("fill", "publish", "fill.comp.glsl")};
+constexpr heddle_function kFunctions[] = {function("texture_source", "virtual.glsl", kFunctionAccesses)};
+
+struct Push {
+  std::uint32_t first;
+};
+
+class Virtual {
+ public:
+  heddle_status declare(const PassHost& host) {
+    const Layout before = layout();
+    heddle_status status = tiles::scene_textures(host, nullptr, scene_);
+    if (status != HEDDLE_OK) return status;
+    tile_ = kTileSizes[host.choice("tile")];
+    border_ = static_cast<std::uint32_t>(host.integer("border"));
+    uploads_ = static_cast<std::uint32_t>(host.integer("uploads"));
+    const auto side = static_cast<std::uint32_t>(host.integer("cache"));
+    in_row_ = std::min(side / pitch(), kMostSlotsInRow);
+    const std::uint32_t textures = static_cast<std::uint32_t>(scene_.textures.size());
+    if (in_row_ * in_row_ < textures + 1)
+      return host.fail(HEDDLE_BAD_INPUT,
+                       "a cache of " + std::to_string(side) + " px has room for " + std::to_string(in_row_ * in_row_) +
+                           " tiles of " + std::to_string(pitch()) + " px with borders, and " +
+                           std::to_string(textures) + " textures need more than one each: raise params.cache");
+    // What is kept stays where its shape and meaning do: a longer list of requests changes neither.
+    if (layout() != before) residency_.reset();
+    first_cells_.clear();
+    std::uint64_t cells = 0;
+    for (const tiles::Texture& texture : scene_.textures) {
+      first_cells_.push_back(static_cast<std::uint32_t>(cells));
+      cells += cells_below(tiles::tile_levels(texture.extent, tile_));
+    }
+    if (cells * 4 > kMostTableBytes)
+      return host.fail(HEDDLE_BAD_INPUT, "the tables of " + std::to_string(textures) + " textures need " +
+                                             std::to_string(cells * 4 >> 20U) + " MiB, and the most is " +
+                                             std::to_string(kMostTableBytes >> 20U) + ": raise params.tile");
+    heddle_shape cache{};
+    cache.width = cache.height = in_row_ * pitch();
+    status = host.set_shape("tile_cache", cache);
+    const std::pair<const char*, std::uint64_t> sizes[] = {
+        {"virtual_materials", std::max(1U, tiles::material_end(scene_)) * std::uint64_t{32}},
+        {"tile_edits", std::uint64_t{16} * edit_room()},
+        {"tile_staging", tile_bytes() * (uploads_ + textures)},
+        {"tile_table", std::max<std::uint64_t>(cells, 1) * 4},
+        {"slot_births", std::uint64_t{4} * in_row_ * in_row_},
+    };
+    for (const auto& [port, bytes] : sizes) {
+      heddle_shape shape{};
+      shape.byte_size = bytes;
+      if (status == HEDDLE_OK) status = host.set_shape(port, shape);
+    }
+    return status == HEDDLE_OK ? host.set_capacity("requests", requests_) : status;
+  }
+
+  heddle_status execute(const Frame& frame) {
+    if (frame.info().cut != 0 || !residency_) reset(frame);
+    heddle_mapped mapped{};
+    heddle_status status = frame.map("requests", mapped);
+    if (status != HEDDLE_OK) return status;
+    asked_.clear();
+    if (mapped.frame != HEDDLE_NO_FRAME) {
+      const auto* words = static_cast<const std::uint32_t*>(mapped.data);
+      for (std::uint32_t i = 0; i < mapped.count; ++i, words += 2)
+        asked_.push_back({words[0] & 65535U, words[0] >> 16U, words[1] & 65535U, words[1] >> 16U});
+    }
+    const auto window = static_cast<std::uint32_t>(frame.host().integer("window"));
+    changes_ = residency_->step(asked_, frame.info().index, window, uploads_);
+    count(frame.host());
+    const float now = static_cast<float>(frame.info().time - epoch_);
+    const double fade = frame.host().parameter("fade");
+    // Where time stands still nothing would ever be faded in.
+    const bool is_fading = fade > 0.0 && frame.info().time_step > 0.0;
+    birth_ = is_fading ? now : kLongAgo;
+    status = frame.set_value("virtual_materials", std::span<const std::uint32_t>(materials()));
+    const State state = state_of(frame, is_fading ? static_cast<float>(1.0 / fade) : 1.0F, now);
+    if (status == HEDDLE_OK) status = frame.set_value("virtual_state", std::span<const State>(&state, 1));
+    if (status == HEDDLE_OK) status = frame.set_value("tile_edits", std::span<const std::uint32_t>(edits()));
+    return status;
+  }
+
+  heddle_status record(const Frame& frame) {
+    if (changes_.edits.empty()) return HEDDLE_OK;
+    if (frame.stage() == kStage) return stage(frame);
+    if (frame.stage() == kUpload) return upload(frame);
+    return publish(frame);
+  }
+
+  void counted(const PassHost& host, const heddle_list_count& count) {
+    if (count.overflow == 0 || count.capacity >= kMostRequests) return;
+    requests_ = std::min(std::bit_ceil(count.count + count.overflow), kMostRequests);
+    host.request_redeclare();
+  }
+
+ private:
+  static std::uint64_t cells_below(std::uint32_t levels) { return ((std::uint64_t{4} << (2 * levels)) - 1) / 3; }
+  [[nodiscard]] std::uint32_t pitch() const { return tile_ + 2 * border_; }
+  [[nodiscard]] std::uint64_t tile_bytes() const { return std::uint64_t{4} * pitch() * pitch(); }
+  struct Layout {
+    std::vector<tiles::Texture> textures;
+    std::uint32_t tile = 0, border = 0, in_row = 0;
+    friend bool operator==(const Layout&, const Layout&) = default;
+  };
+  [[nodiscard]] Layout layout() const { return {scene_.textures, tile_, border_, in_row_}; }
+  /// An arrival and an eviction for each upload, and the roots.
+  [[nodiscard]] std::uint32_t edit_room() const {
+    return 2 * (uploads_ + static_cast<std::uint32_t>(scene_.textures.size()));
+  }
+  [[nodiscard]] std::uint32_t root_of(std::uint32_t texture) const {
+    return tiles::tile_levels(scene_.textures[texture].extent, tile_);
+  }
+
+  /// Nothing of the past is valid: the roots come again, and after them what is asked for.
+  void reset(const Frame& frame) {
+    std::vector<std::uint32_t> roots;
+    for (std::uint32_t t = 0; t < scene_.textures.size(); ++t) roots.push_back(root_of(t));
+    residency_.emplace(in_row_ * in_row_, std::move(roots));
+    epoch_ = frame.info().time;
+  }
+
+  void count(const PassHost& host) const {
+    const auto* counters = host.service<heddle_counters_service>(HEDDLE_COUNTERS_SERVICE);
+    if (counters == nullptr) return;
+    const std::pair<const char*, std::uint64_t> counts[] = {
+        {"tiles_uploaded", changes_.uploads.size()},
+        {"tiles_evicted", changes_.evictions},
+        {"tiles_missing", changes_.missing},
+        {"tiles_wanted", changes_.wanted},
+        {"tiles_resident", residency_->resident_count()},
+        {"table_edits", changes_.edits.size()},
+        {"level_bias", changes_.bias},
+    };
+    for (const auto& [name, number] : counts) counters->add(host.raw(), name, number);
+  }
+
+  [[nodiscard]] std::vector<std::uint32_t> materials() const {
+    std::vector<std::uint32_t> words(std::size_t{8} * std::max(1U, tiles::material_end(scene_)), 0);
+    for (const tiles::MaterialTexture& material : scene_.materials) {
+      std::uint32_t* record = words.data() + std::size_t{8} * material.material;
+      record[0] = first_cells_[material.texture];
+      record[1] = root_of(material.texture) | scene_.textures[material.texture].address << 8U | material.texture << 16U;
+      record[2] = std::bit_cast<std::uint32_t>(static_cast<float>(material.chart_size));
+      record[3] = 1;
+      record[4] = material.chart_x;
+      record[5] = material.chart_y;
+    }
+    return words;
+  }
+
+  [[nodiscard]] State state_of(const Frame& frame, float per_fade, float now) const {
+    const std::uint32_t bits = kSpacingLog2[frame.host().choice("spacing")];
+    State state{{tile_, static_cast<std::uint32_t>(std::countr_zero(tile_)), border_, in_row_},
+                {1U << bits, 0, 0, 0},
+                {per_fade, now, 0, 0}};
+    // All pixels of a square in turn, far from the last: the frame's bits, reversed, take turns for x and y.
+    for (std::uint32_t bit = 0; bit < bits; ++bit) {
+      state.query[1] |= static_cast<std::uint32_t>(frame.info().index >> (2 * bit) & 1U) << (bits - 1 - bit);
+      state.query[2] |= static_cast<std::uint32_t>(frame.info().index >> (2 * bit + 1) & 1U) << (bits - 1 - bit);
+    }
+    return state;
+  }
+
+  [[nodiscard]] std::uint32_t entry(std::uint32_t slot, const Tile& shown) const {
+    return slot % in_row_ | (slot / in_row_) << 8U | shown.level << 16U;
+  }
+
+  [[nodiscard]] std::vector<std::uint32_t> edits() const {
+    std::vector<std::uint32_t> words;
+    for (const Changes::Edit& edit : changes_.edits) {
+      const std::uint32_t levels = root_of(edit.tile.texture) | edit.tile.level << 8U;
+      for (const std::uint32_t word :
+           {first_cells_[edit.tile.texture], levels, edit.tile.x | edit.tile.y << 16U, entry(edit.slot, edit.shown)})
+        words.push_back(word);
+    }
+    if (words.empty()) words.resize(4);
+    return words;
+  }
+
+  heddle_status stage(const Frame& frame) {
+    std::uint64_t at = 0;
+    for (const Changes::Upload& one : changes_.uploads) {
+      const std::int64_t border = border_;
+      tiles::make_texels(scene_.textures[one.tile.texture], one.tile.level, std::int64_t{one.tile.x} * tile_ - border,
+                         std::int64_t{one.tile.y} * tile_ - border, pitch(), pitch(), texels_);
+      const auto bytes = std::as_bytes(std::span(texels_));
+      for (std::size_t begin = 0; begin < bytes.size(); begin += kMostUpdate) {
+        const auto part = bytes.subspan(begin, std::min<std::size_t>(kMostUpdate, bytes.size() - begin));
+        if (const heddle_status status = frame.update_buffer("tile_staging", at + begin, part); status != HEDDLE_OK)
+          return status;
+      }
+      at += tile_bytes();
+    }
+    return HEDDLE_OK;
+  }
+
+  heddle_status upload(const Frame& frame) const {
+    std::vector<VkBufferImageCopy> regions;
+    for (const Changes::Upload& one : changes_.uploads) {
+      VkBufferImageCopy region{};
+      region.bufferOffset = tile_bytes() * regions.size();
+      region.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
+      region.imageOffset = {static_cast<std::int32_t>(one.slot % in_row_ * pitch()),
+                            static_cast<std::int32_t>(one.slot / in_row_ * pitch()), 0};
+      region.imageExtent = {pitch(), pitch(), 1};
+      regions.push_back(region);
+    }
+    if (!regions.empty())
+      frame.vulkan().CmdCopyBufferToImage(frame.command_buffer(), frame.buffer("tile_staging"),
+                                          frame.image("tile_cache"), VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
+                                          static_cast<std::uint32_t>(regions.size()), regions.data());
+    return HEDDLE_OK;
+  }
+
+  heddle_status publish(const Frame& frame) const {
+    for (const Changes::Upload& one : changes_.uploads) {
+      // Roots have no parent to be seen meanwhile.
+      const float birth = one.tile.level == root_of(one.tile.texture) ? kLongAgo : birth_;
+      const heddle_status status =
+          frame.update_buffer("slot_births", std::uint64_t{4} * one.slot, std::span<const float>(&birth, 1));
+      if (status != HEDDLE_OK) return status;
+    }
+    // Coarse tiles before fine ones, which write into the same cells.
+    for (std::size_t first = 0; first < changes_.edits.size();) {
+      const std::uint32_t level = changes_.edits[first].tile.level;
+      std::size_t end = first;
+      while (end < changes_.edits.size() && changes_.edits[end].tile.level == level) ++end;
+      const auto groups = static_cast<std::uint32_t>((cells_below(level) + kFillThreads - 1) / kFillThreads);
+      const std::uint32_t in_row = std::min(groups, kGroupsInRow);
+      if (first > 0) frame.barrier();
+      const heddle_status status =
+          frame.dispatch("fill", in_row, static_cast<std::uint32_t>(end - first), (groups + in_row - 1) / in_row,
+                         Push{static_cast<std::uint32_t>(first)});
+      if (status != HEDDLE_OK) return status;
+      first = end;
+    }
+    return HEDDLE_OK;
+  }
+
+  tiles::SceneTextures scene_;
+  std::uint32_t tile_ = 0, border_ = 0, uploads_ = 0, in_row_ = 0;
+  std::uint32_t requests_ = kFirstRequests;
+  std::vector<std::uint32_t> first_cells_;  // of each texture, in tile_table
+  std::optional<Residency> residency_;
+  Changes changes_;  // of this frame
+  std::vector<Tile> asked_;
+  std::vector<tiles::Rgba8> texels_;
+  double epoch_ = 0;
+  float birth_ = kLongAgo;
+};
+
+constexpr heddle_technique kVirtual = [] {
+  heddle_technique t = technique<Virtual>(
+      "texture_source/virtual", "Tiles of a huge texture that pixels asked for, in a cache",
+      "Mittring 2008, Advanced Virtual Texture Topics", kPorts, kParameters, kStages, kShaders, kFunctions);
+  t.features = tiles::kComponent;
+  t.components = tiles::kComponent;
+  t.device_features = "fragmentStoresAndAtomics";
+  t.fallback = "none: without it pixels cannot ask for tiles; choose texture_source.technique = \"resident\"";
+  return t;
+}();
+
+}  // namespace
+
+HEDDLE_PLUGIN(kVirtual)
