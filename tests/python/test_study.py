@@ -88,7 +88,7 @@ def lock_of_our_own(tmp_path_factory):
 
 @pytest.mark.parametrize(("before", "after", "place", "message"), [
     ('technique = "gtao"', 'technique = "gtoa"', "13:1", "there is no technique of role 'ambient_occlusion' 'gtoa'\n"
-     "  expected: one of none, gtao, ray_traced, ssao\n  help:     did you mean 'gtao'?"),
+     "  expected: one of none, baked, gtao, ray_traced, ssao\n  help:     did you mean 'gtao'?"),
     ('metrics = ["rmse", "ssim"]', 'metrics = ["rsme"]', "5:1", "there is no metric 'rsme'"),
     ('"cornell_box.py"', '"cornel_box.py"', "9:1", "there is no scene 'cornel_box.py'"),
     ("rounds = 7", "round = 7", "6:1", "there is no key 'round'"),
