@@ -225,3 +225,25 @@ def test_times_of_two_machines_are_never_compared(host, tmp_path, monkeypatch):
     executor.machine = "first"
     scene.keys["few"] = "changed"
     assert not any(each["order"] for each in scene.finished_rounds())
+
+
+def test_a_scheduler_that_ends_is_said_and_nothing_waits_for_it(tmp_path):
+    made = Cluster(tmp_path)
+    try:
+        made.worker()
+        client = __import__("distributed").Client(scheduler_file=str(made.file), set_as_default=False)
+        address = client.scheduler.address
+        client.close()
+        executor = study_cluster.Cluster(address, None, 60.0, print, lambda: None)
+        made.scheduler.kill()
+        made.scheduler.wait()
+        executor._timeout = 1.0
+        scene = {"file": "heddle:scripts/scenes/cornell_box.py", "camera": "front", "time": 0.0, "overlays": [], "arguments": []}
+        item = {"do": "part", "scene": scene, "device": None, "timeout": 60.0, "port": "ao.visibility", "settle": 1, "seed": 0,
+                "point": {"name": "few", "owner": "few", "graph": "studio", "settings": [], "keep": None, "expected": {}}}
+        for ask in (lambda: list(executor.run([item])), lambda: executor.at_place(item)):
+            with pytest.raises(heddle.Error, match="the cluster's scheduler is gone: .*\n  help:     what was measured is kept"):
+                ask()
+        executor.close()
+    finally:
+        made.close()
