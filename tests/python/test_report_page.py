@@ -487,7 +487,7 @@ def test_passes_graph_and_memory_are_those_of_the_point(page, study):
         assert not any(a["x"] < b["x"] + b["width"] and b["x"] < a["x"] + a["width"] and a["y"] < b["y"] + b["height"] and
                        b["y"] < a["y"] + a["height"] for b in boxes[:i])
     assert "without sharing" in one(page, "#memory").text and "lighting" in one(page, "#passes svg").text
-    assert "not measured in this study" in one(page, "#passes").text
+    assert "not measured for this point" in one(page, "#passes").text
     choose_lost = next(i for i, each in enumerate(study.data["points"], 1) if each["state"] != "ok")
     click(page, f"[data-pick='{choose_lost}']")
     said(page, "the study keeps no image of technique01 steps=8")
@@ -497,7 +497,7 @@ def test_passes_graph_and_memory_are_those_of_the_point(page, study):
 def test_what_leaving_out_saves_stands_beside_a_pass(browser, study, tmp_path):
     shutil.copytree(study.folder, tmp_path / "copy")
     results = json.loads((tmp_path / "copy" / "results.json").read_text())
-    results["leave_one_out"] = [{"scene": "cornell_box view0", "variant": "technique00 steps=2", "pass": "lighting",
+    results["leave_one_out"] = [{"scene": "cornell_box view0", "variant": "technique00", "knobs": "steps=2", "pass": "lighting",
                                  "cost_ms": [0.41, 0.47, 0.52], "own_ms": 0.4}]
     (tmp_path / "copy" / "results.json").write_text(json.dumps(results))
     browser.get(report.write(tmp_path / "copy").as_uri())

@@ -38,6 +38,7 @@ function showPoints() {
         parts.push(make('br'), tipped(make('span', {class: `range ${verdictClass(row)}`},
           `${{better: '✓ ', worse: '✗ '}[row.verdict] || ''}${row.verdict}`), verdictText(row, quantity === 'frame')));
       }
+      if (row && row.dominated_by) parts.push(make('br'), make('span', {class: 'range worse'}, `beaten by ${row.dominated_by}`));
       if (row && row.is_on_front) parts.push(make('br'), make('span', {class: 'range'}, '★ on the front'));
       return make('td', {class: 'n'}, parts);
     });
@@ -73,7 +74,7 @@ function showMade() {
   const facts = [
     ['Again', make('code', {id: 'reproduce'}, command)],
     ['Point', `${point.name} (row ${point.row})`], ['Graph', point.graph], ['Settings', make('code', {}, point.settings.map((each) => `--set '${each}'`).join(' '))],
-    ['Scene', `${scene.file}${scene.camera ? `, camera '${scene.camera}'` : ''}, time ${scene.time} s${scene.overlays.length ? `, overlays ${scene.overlays.join(', ')}` : ''}`],
+    ['Scene', `${scene.file}${scene.camera ? `, camera '${scene.camera}'` : ''}, time ${scene.time} s${scene.arguments.map(([name, value]) => `, ${name} ${value}`).join('')}${scene.overlays.length ? `, overlays ${scene.overlays.join(', ')}` : ''}`],
     ['Image', image ? `${data.study.port}, seed 0, after ${data.study.settle} frame${data.study.settle === 1 ? '' : 's'} from a cut; ${image.width} x ${image.height} x ${image.channels}, ${image.file}` : 'none was kept'],
     ['SHA-256 of the image', image ? make('code', {}, image.sha256) : '–'],
     ['Compared with', scene.reference ? `${scene.reference.graph}, ${scene.reference.settings.join(' ')}: the mean of ${scene.reference.parts} renderings with seeds of their own, at most` : 'nothing'],

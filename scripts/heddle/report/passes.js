@@ -8,7 +8,8 @@ function passRows(point) {
 }
 function leftOut(point, name) {
   const scene = data.scenes[point.scene].scene;
-  return data.leave_one_out.find((each) => each.scene === scene && (each.variant === point.name) && each.pass === name);
+  return data.leave_one_out.find((each) => each.scene === scene && each.pass === name && each.cost_ms &&
+    `${each.variant} ${each.knobs || ''}`.trim() === point.name);
 }
 
 function showPasses() {
@@ -60,7 +61,7 @@ function showPasses() {
   into('passes', make('p', {}, make('strong', {}, point.name), `, ${data.scenes[point.scene].scene}: the frame alone takes ${withUnit(frame)} ${interval(frame)}.`),
     svg,
     make('p', {class: 'note'}, 'Filled: a pass\'s own time, submitted and waited for stage by stage, which makes a frame slower: their sum is not the frame. ',
-      hasCosts ? 'Outlined: by what the frame gets shorter when the pass is left out. ' : 'What leaving a pass out saves was not measured in this study. ',
+      hasCosts ? 'Outlined: by what the frame gets shorter when the pass is left out. ' : 'What leaving a pass out saves was not measured for this point. ',
       'Bars at the ends: intervals that hold the true median with 95 % and more, where the samples suffice.'),
     make('details', {}, make('summary', {}, 'The same as a table'),
       table(`Passes of ${point.name}, in order`, ['Pass', {text: 'Own time', n: 1}, {text: 'Interval', n: 1}, {text: 'Confidence', n: 1}, {text: 'Samples', n: 1}, {text: 'Left out, the frame is shorter by', n: 1}],
