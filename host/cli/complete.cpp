@@ -113,8 +113,8 @@ class Completer {
 
   void positional(const CLI::App& command) {
     const std::string& name = command.get_name();
-    if (name == "run" || name == "check" || name == "explain" || name == "inspect" || name == "compare" ||
-        name == "tune") {
+    if (name == "run" || name == "view" || name == "check" || name == "explain" || name == "inspect" ||
+        name == "compare" || name == "tune") {
       for (const std::string& graph : shipped_graphs()) add(graph, "graph");
       files_ = true;
     } else if (name == "list" || (name == "new-technique" && positionals_.empty())) {
@@ -134,7 +134,7 @@ class Completer {
   }
 
   void value_of(const std::string& option) {
-    if (option == "set" || option == "reference-set") {
+    if (option == "set" || option == "set-b" || option == "reference-set") {
       setting();
     } else if (option == "climb") {
       for (const char* word : {"together", "each"}) add(word);
@@ -149,6 +149,9 @@ class Completer {
           if (is_output(port)) add_start(port["name"].get<std::string>() + "=", "write this port");
     } else if (option == "swap") {
       swap();
+    } else if (option == "b") {
+      for (const std::string& graph : shipped_graphs()) add(graph, "graph");
+      files_ = true;
     } else if (option == "format") {
       for (const char* word : {"text", "json", "dot"}) add(word);
     } else if (option == "language") {
@@ -157,7 +160,7 @@ class Completer {
       for (const char* word : {"rmse=", "mse=", "relmse=", "psnr=", "mean_difference=", "maximum=", "percentile_99="})
         add_start(word);
     } else if (option == "scene" || option == "overlay" || option == "stats" || option == "difference" ||
-               option == "folder" || option == "plugins") {
+               option == "folder" || option == "plugins" || option == "script") {
       files_ = true;
     }
   }

@@ -29,7 +29,7 @@ int main(int argc, char** argv) {
     // A scene in Python is known by its name alone: before anything else is opened.
     for (int i = 1; i < argc; ++i) {
       const std::string_view word = argv[i];
-      constexpr std::array<std::string_view, 5> kRenders{"run", "compare", "check", "explain", "inspect"};
+      constexpr std::array<std::string_view, 6> kRenders{"run", "view", "compare", "check", "explain", "inspect"};
       if (i > 1 && word.ends_with(".py") && std::ranges::find(kRenders, argv[1]) != kRenders.end()) {
         heddle::cli::run_in_python(argc, argv);
       }
@@ -37,6 +37,7 @@ int main(int argc, char** argv) {
     constexpr std::array<std::string_view, 4> kMeasures{"study", "tune", "baseline", "reproduce"};
     if (argc > 1 && std::ranges::find(kMeasures, argv[1]) != kMeasures.end()) heddle::cli::run_in_python(argc, argv);
     heddle::cli::add_run(app, &status);
+    heddle::cli::add_view(app, &status);
     heddle::cli::add_compare(app, &status);
     heddle::cli::add_check(app, &status);
     heddle::cli::add_explain(app, &status);

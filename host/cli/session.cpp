@@ -97,7 +97,7 @@ void HostArguments::add_to(CLI::App& app) {
   app.add_flag("--quiet,-q", quiet, "errors only");
 }
 
-Owned<heddle_host> make_host(const HostArguments& arguments) {
+Owned<heddle_host> make_host(const HostArguments& arguments, const HostListener* listener) {
   heddle_host_options options{};
   options.struct_size = sizeof options;
   options.flags = (arguments.validation ? HEDDLE_HOST_VALIDATION : 0U) | (arguments.check ? HEDDLE_HOST_CHECK : 0U) |
@@ -107,13 +107,18 @@ Owned<heddle_host> make_host(const HostArguments& arguments) {
   options.log = log_to_stderr;
   options.log_user = const_cast<bool*>(&arguments.quiet);
   if (!arguments.quiet && can_show_progress()) options.progress = show_progress;
+  if (listener != nullptr) {
+    options.log = listener->log;
+    options.progress = listener->progress;
+    options.log_user = options.progress_user = listener->user;
+  }
   heddle_host* host = nullptr;
   check(nullptr, heddle_create(&options, &host));
   stop_on_signals(host);
   return Owned<heddle_host>(host);
 }
 
-void RenderArguments::add_to(CLI::App& app) {
+void RenderArguments::add_to(CLI::App& app, bool renders_frames) {
   host.add_to(app);
   app.add_option(
       "files", files,
@@ -135,7 +140,7 @@ void RenderArguments::add_to(CLI::App& app) {
   app.add_option("--set", settings, "change the graph: ao.technique=gtao, ao.params.radius=1, extent=[640,360]")
       ->take_all()
       ->allow_extra_args(false);
-  app.add_option("--frames", frames, "how many frames")->check(CLI::Range(1, 1000000));
+  if (renders_frames) app.add_option("--frames", frames, "how many frames")->check(CLI::Range(1, 1000000));
   app.add_option("--time", time, "scene time of the first frame, seconds");
   app.add_option("--animation", animation,
                  "name or number of the animation to play, or none (default: each file's first one)");

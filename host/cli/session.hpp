@@ -42,7 +42,14 @@ struct HostArguments {
   bool quiet = false;
   void add_to(CLI::App& app);
 };
-Owned<heddle_host> make_host(const HostArguments& arguments);
+/// Who is told what the host says and how far it has come, in place of standard error.
+struct HostListener {
+  void (*log)(void* user, std::uint32_t severity, const char* text) = nullptr;
+  std::uint32_t (*progress)(void* user, const char* activity, double fraction) = nullptr;
+  void* user = nullptr;
+};
+/// `listener` may be NULL, and else outlives the host.
+Owned<heddle_host> make_host(const HostArguments& arguments, const HostListener* listener = nullptr);
 
 struct RenderArguments {
   HostArguments host;
@@ -59,7 +66,8 @@ struct RenderArguments {
   std::string animation;
   bool loop = false;
   bool trust_files = false;
-  void add_to(CLI::App& app);
+  /// renders_frames: how many is an argument too.
+  void add_to(CLI::App& app, bool renders_frames = true);
   /// Sorts `files` into graph and scene. Throws Failure.
   void sort_files();
   std::filesystem::path graph_file;  // after sort_files
@@ -100,6 +108,7 @@ std::filesystem::path program_folder();
 
 // One function a subcommand; each registers itself and sets *exit_status when it ran.
 void add_run(CLI::App& app, int* exit_status);
+void add_view(CLI::App& app, int* exit_status);
 void add_check(CLI::App& app, int* exit_status);
 void add_compare(CLI::App& app, int* exit_status);
 void add_list(CLI::App& app, int* exit_status);

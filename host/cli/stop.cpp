@@ -40,6 +40,10 @@ void stop_on_signals(heddle_host* host) {
   }
 }
 
+bool is_stop_asked() {
+  return is_asked.load();
+}
+
 void stop_if_asked() {
   if (is_asked.load()) throw Failure{HEDDLE_CANCELLED, "error: stopped, as heddle_cancel asked for"};
 }

@@ -12,5 +12,7 @@ inline constexpr int kStoppedStatus = 130;  // of the process: 128 + SIGINT, as 
 void stop_on_signals(heddle_host* host);
 /// Throws Failure(HEDDLE_CANCELLED) if a signal came. Called where nothing is half done.
 void stop_if_asked();
+/// Whether a signal came. [any thread]
+bool is_stop_asked();
 
 }  // namespace heddle::cli

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// Looks at the files' times: a hundred of them five times a second cost nothing that is seen, and every editor and file
-// system takes part.
+// Looks at the files' times until some of them change.
 #include "cli/watch.hpp"
 
 #include "cli/stop.hpp"
+#include "file_stamps.hpp"
 #include "json.hpp"
 
 #include <fmt/format.h>
 
 #include <chrono>
-#include <map>
 #include <set>
 #include <thread>
 
@@ -20,26 +19,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::chrono::milliseconds kPause{200};
-
-struct Stamp {
-  fs::file_time_type time;
-  std::uintmax_t size = 0;
-  bool operator==(const Stamp&) const = default;
-};
-using Stamps = std::map<fs::path, Stamp>;
-
-Stamps stamps_of(const std::set<fs::path>& files) {
-  Stamps stamps;
-  for (const fs::path& file : files) {
-    std::error_code error;
-    Stamp stamp;
-    stamp.time = fs::last_write_time(file, error);
-    if (error) stamp.time = fs::file_time_type::min();  // gone; or between two steps of an editor's saving
-    stamp.size = fs::file_size(file, error);
-    stamps.emplace(file, stamp);
-  }
-  return stamps;
-}
 
 std::set<fs::path> paths(const char* json) {
   std::set<fs::path> files;
@@ -62,12 +41,12 @@ std::set<fs::path> scene_files(heddle_host* host, heddle_scene* scene, const Ren
 }
 
 /// Returns when something differs from `before` and nothing moves any more: a compiler writes a library in many steps.
-Stamps wait_for_change(const std::set<fs::path>& files, const Stamps& before) {
-  Stamps last = before;
+FileStamps wait_for_change(const std::set<fs::path>& files, const FileStamps& before) {
+  FileStamps last = before;
   for (;;) {
     std::this_thread::sleep_for(kPause);
     stop_if_asked();
-    Stamps now = stamps_of(files);
+    FileStamps now = stamps_of(files);
     if (now != before && now == last) return now;
     last = std::move(now);
   }
@@ -84,7 +63,7 @@ void watch(heddle_host* host, heddle_graph* graph, Owned<heddle_scene>& scene, c
     files.insert(of_scene.begin(), of_scene.end());
     return files;
   };
-  Stamps before = stamps_of(all());
+  FileStamps before = stamps_of(all());
   // What failed to be read is read again at the next change, whichever file that is.
   bool is_graph_due = false, is_scene_due = false;
   fs::file_time_type began;
@@ -107,7 +86,7 @@ void watch(heddle_host* host, heddle_graph* graph, Owned<heddle_scene>& scene, c
   read_and_render();
   say(arguments.host, fmt::format("watching {} files; Ctrl-C ends", before.size()));
   for (;;) {
-    const Stamps now = wait_for_change(all(), before);
+    const FileStamps now = wait_for_change(all(), before);
     for (const auto& [file, stamp] : now) {
       const auto known = before.find(file);
       if (known != before.end() && known->second == stamp) continue;
@@ -116,15 +95,7 @@ void watch(heddle_host* host, heddle_graph* graph, Owned<heddle_scene>& scene, c
       say(arguments.host, fmt::format("changed: {}", file.string()));
     }
     read_and_render();
-    // Known files are as they were when the waiting ended. Of those that came into the lists just now nobody knows
-    // whether they were read before or after a change since this began: they count as changed.
-    before = stamps_of(all());
-    for (auto& [file, stamp] : before) {
-      if (const auto known = now.find(file); known != now.end())
-        stamp = known->second;
-      else if (stamp.time >= began)
-        stamp = {};
-    }
+    before = stamps_after(all(), now, began);
   }
 }
 

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`python3 -m heddle run|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in
-Python; `python3 -m heddle study ...`: experiments; `python3 -m heddle reproduce ...`: a
-point of one made again.
+"""`python3 -m heddle run|view|check|compare|explain|inspect [GRAPH] SCENE ...`: the command's rendering for scenes written in
+Python; `python3 -m heddle study ...`: experiments; `python3 -m heddle reproduce ...`: a point of one made again.
 
 A scene file defines `build(scene)`, called with an empty heddle.Scene, and if things move `update(scene, time)`.
 """
@@ -149,11 +148,20 @@ _host: Host | None = None
 _is_asked = False
 
 
-def open_host(arguments: argparse.Namespace, check: bool = False) -> Host:
+def open_host(arguments: argparse.Namespace, check: bool = False, tell: Callable[[int, str], None] | None = None,
+              progress: Callable[[str, float], object] | None = None) -> Host:
+    """tell: is told what the host says, too."""
     global _host
-    # As the command does: information too, such as how far long work has come.
-    log = None if arguments.quiet else lambda _severity, text: print(text, file=sys.stderr)
-    _host = Host(arguments.device, arguments.validation, arguments.plugins, log=log, check=check,
+
+    def log(severity: int, text: str) -> None:
+        # As the command does: information too, such as how far long work has come.
+        if not arguments.quiet or severity < 2:
+            print(text, file=sys.stderr)
+        if tell is not None:
+            tell(severity, text)
+
+    _host = Host(arguments.device, arguments.validation, arguments.plugins, check=check, progress=progress,
+                 log=None if arguments.quiet and tell is None else log,
                  remake=getattr(arguments, "remake", False), live=getattr(arguments, "live", False))
     return _host
 
@@ -277,6 +285,39 @@ def run(arguments: argparse.Namespace) -> int:
             watch(arguments, host, graph, scene_file, render)
         else:
             render(*make_scene(arguments, host, scene_file))
+    return 0
+
+
+def view(arguments: argparse.Namespace) -> int:
+    from .view import show
+
+    graph_file, scene_file = sort_files(arguments.files, arguments.scene)
+    graph_file = graph_file or default_graph(arguments)
+    settings = [list(arguments.set), list(arguments.set)]
+    if arguments.swap is not None:
+        name, techniques = (arguments.swap.split("=", 1) + [""])[:2]
+        if techniques.count(",") != 1:
+            raise Error(2, f"error: --swap '{arguments.swap}' is not PASS=A,B\n  help:     --swap ao=gtao,ray_traced")
+        for of, technique in zip(settings, techniques.split(",")):
+            of.append(f"{name}.technique={technique}")
+    settings[1] += arguments.set_b
+    has_b = arguments.swap is not None or arguments.b is not None or bool(arguments.set_b)
+    size = (0, 0)
+    if arguments.window is not None:
+        match = re.fullmatch(r"(\d{1,5})x(\d{1,5})", arguments.window)
+        size = (int(match[1]), int(match[2])) if match else size
+        if not (320 <= size[0] <= 16384 and 240 <= size[1] <= 16384):
+            raise Error(2, f"error: --window '{arguments.window}' is no size of a window\n  expected: WIDTHxHEIGHT in "
+                           "pixels, from 320x240 to 16384x16384")
+
+    def scene_files(scene: Scene) -> list[str]:
+        named = [str(file) for file in (scene_path(scene_file), arguments.environment, *arguments.overlay) if file]
+        return sorted({*named, *scene.files(), *imported_files(scene_file)})
+
+    show(lambda tell, progress: open_host(arguments, tell=tell, progress=progress),
+         lambda host: make_scene(arguments, host, scene_file), scene_files, lambda: _is_asked,
+         [graph_file, (arguments.b or graph_file) if has_b else None], settings, size, arguments.time,
+         arguments.time_step, arguments.seed, arguments.script)
     return 0
 
 
@@ -627,6 +668,7 @@ def main() -> int:
     parser.add_argument("--version", action="version", version=f"heddle {version()}")
     commands = parser.add_subparsers(dest="command", required=True)
     for name, body, text in (("run", run, "render a scene through a graph and write images"),
+                             ("view", view, "a window: fly, compare two variants, move every parameter"),
                              ("check", check, "prove that a graph does what it declares"),
                              ("explain", explain, "say what the graph compiler decided for a scene and why"),
                              ("inspect", inspect, "say what every image port holds at a pixel"),
@@ -664,6 +706,17 @@ def main() -> int:
             command.add_argument("--remake", action="store_true", help="make artifacts that the cache holds again")
             command.add_argument("--check", action="store_true",
                                  help="prove barriers and search outputs for NaN, Inf and values out of range")
+        elif name == "view":
+            command.add_argument("--swap", help="PASS=A,B: show technique A against technique B")
+            command.add_argument("--b", help="show this graph against the first")
+            command.add_argument("--set-b", action="append", default=[],
+                                 help="show the graph against itself with this setting, as of --set")
+            command.add_argument("--time-step", type=float, default=1 / 60, help="seconds from frame to frame, while it plays")
+            command.add_argument("--window", help="WIDTHxHEIGHT in pixels (default: the picture in its own size, beside the panel)")
+            command.add_argument("--script", help="file with what mouse and keys do, a command a line: wait, pause, click, "
+                                                  "slide, type, key, drag, screenshot, state, quit")
+            command.add_argument("--live", action="store_true",
+                                 help="wait for no frame before the next one; bytes may differ from run to run")
         elif name == "check":
             command.add_argument("--port", action="append", default=[], help="compare this port too, PASS.PORT")
             command.add_argument("--frames", type=int, default=3)

@@ -47,6 +47,7 @@ def test_graphs_and_files(bash, tmp_path):
     (tmp_path / "a b.toml").touch()
     assert bash("heddle run def") == ["deferred", "deft.glb"]
     assert bash("heddle run deferred --scene de") == ["deft.glb"]
+    assert bash("heddle view --b furn") == ["furnace"]
     assert bash("heddle run ./deft") == ["./deft.glb"]
     assert bash(r"heddle run a\ b") == ["a b.toml"]
 
@@ -62,6 +63,7 @@ def test_settings_are_completed_part_by_part(bash):
     assert "ao." in bash("heddle run --set ")
     assert "ao.technique=" in bash("heddle run --set ao.")
     assert "ao.params.radius=" in bash("heddle run --set ao.params.")
+    assert "ao.params.radius=" in bash("heddle view --set-b ao.params.")
     assert bash("heddle run --set params.ex") == ["params.exposure="]
     assert bash("heddle run --set=ao.tech") == ["ao.technique="], "readline replaces what follows the ="
 

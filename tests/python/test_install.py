@@ -36,14 +36,15 @@ def environment():
 
 
 def test_only_what_belongs_to_it_is_installed(prefix):
-    for file in ("bin/heddle", "lib/libheddle.so", "include/heddle/pass.hpp", "lib/cmake/heddle/heddle-config.cmake",
+    for file in ("bin/heddle", "lib/libheddle.so", "lib/libheddle_view.so",
+                 "include/heddle/pass.hpp", "lib/cmake/heddle/heddle-config.cmake",
                  "lib/heddle/graphs/deferred.toml", "lib/heddle/python/heddle/__init__.py"):
         assert (prefix / file).exists(), file
     paths = [path for path in prefix.rglob("*") if path.is_file()]
     assert not [path for path in paths if path.is_symlink() and not path.exists()]
     assert not [path for path in paths if path.suffix in (".pyc", ".checked", ".o", ".a")]
     # A library that knows the build's folder would go on using it.
-    for file in (prefix / "bin/heddle", prefix / "lib/libheddle.so"):
+    for file in (prefix / "bin/heddle", prefix / "lib/libheddle.so", prefix / "lib/libheddle_view.so"):
         paths_inside = run("readelf", "-d", file)
         assert str(BUILD) not in paths_inside
 

@@ -20,7 +20,7 @@ from conftest import ROOT, default_signals
 # Run by whoever runs these tests, or by themselves; and what another test runs from an installed copy.
 OTHERS = ("scripts/", "cmake ", "DIR/", "HEDDLE_PLUGIN_PATH=", "source ", "build/bin/heddle new-technique",
           "build/bin/heddle bench")
-TAKES_A_SIZE = ("run", "compare", "inspect", "check")
+TAKES_A_SIZE = ("run", "view", "compare", "inspect", "check")
 
 
 def commands_of(file):
@@ -119,6 +119,10 @@ def test_the_command_runs(words, folder, command):
     words = words.replace("320,180", "16,9")
     if subcommand in TAKES_A_SIZE and not re.search(r"\.exr \S+\.exr", words):
         words += " --set 'extent=[32,18]'"
+    if subcommand == "view":  # on a screen in memory, and closed at once
+        (folder / "quit.script").write_text("wait\nquit\n")
+        words += "" if "--script" in words else " --script quit.script"
+        words = words if words.startswith("xvfb-run") else f"xvfb-run -a {words}"
     if subcommand == "study":
         words += " --dry-run"  # minutes; test_study measures small ones
     if subcommand == "tune":
@@ -138,4 +142,4 @@ def test_the_command_runs(words, folder, command):
 def test_commands_were_found():
     found = [parameter.values[0] for parameter in all_commands()]
     assert len([words for words in found if words.startswith("build/bin/heddle run")]) >= 5
-    assert {re.search(r"heddle (\S+)", words)[1] for words in found} >= {"run", "compare", "list", "explain", "inspect", "check"}
+    assert {re.search(r"heddle (\S+)", words)[1] for words in found} >= {"run", "view", "compare", "list", "explain", "inspect", "check"}

@@ -42,7 +42,7 @@ constexpr double kResolutionLadder[] = {256, 512, 1024, 2048};
 constexpr double kSpacingLadder[] = {1, 0.5, 0.25, 0.125};
 constexpr double kFormatLadder[] = {2, 1, 0};
 constexpr heddle_parameter kParameters[] = {
-    knob(integer("directions", "1", 1, 16384, 256, "over the whole sphere, shared by all elements"), kDirectionLadder),
+    knob(integer("directions", "1", 1, 16384, 512, "over the whole sphere, shared by all elements"), kDirectionLadder),
     knob(integer("resolution", "px", 16, 4096, 1024, "side of a depth map", HEDDLE_PARAMETER_REDECLARE),
          kResolutionLadder),
     choice("elements", kElementKinds, 0,

@@ -63,6 +63,12 @@ bool casts_shadow(const HeddleLight& light) {
 
 class RayTraced {
  public:
+  /// The values may be others than before.
+  heddle_status prepare(const PassHost&) {
+    is_built_ = false;
+    return HEDDLE_OK;
+  }
+
   heddle_status execute(const Frame& frame) {
     bool is_wanted = false;
     for (const HeddleLight& light : frame.value<HeddleLight>("lights")) is_wanted |= casts_shadow(light);

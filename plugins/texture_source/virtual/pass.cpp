@@ -106,6 +106,7 @@ struct Push {
 class Virtual {
  public:
   heddle_status declare(const PassHost& host) {
+    const Layout before = layout();
     heddle_status status = tiles::scene_textures(host, nullptr, scene_);
     if (status != HEDDLE_OK) return status;
     tile_ = kTileSizes[host.choice("tile")];
@@ -119,6 +120,8 @@ class Virtual {
                        "a cache of " + std::to_string(side) + " px has room for " + std::to_string(in_row_ * in_row_) +
                            " tiles of " + std::to_string(pitch()) + " px with borders, and " +
                            std::to_string(textures) + " textures need more than one each: raise params.cache");
+    // What is kept stays where its shape and meaning do: a longer list of requests changes neither.
+    if (layout() != before) residency_.reset();
     first_cells_.clear();
     std::uint64_t cells = 0;
     for (const tiles::Texture& texture : scene_.textures) {
@@ -145,13 +148,6 @@ class Virtual {
       if (status == HEDDLE_OK) status = host.set_shape(port, shape);
     }
     return status == HEDDLE_OK ? host.set_capacity("requests", requests_) : status;
-  }
-
-  heddle_status prepare(const PassHost&) {
-    // A longer list alone leaves what is kept where it is.
-    if (!is_growing_) residency_.reset();
-    is_growing_ = false;
-    return HEDDLE_OK;
   }
 
   heddle_status execute(const Frame& frame) {
@@ -190,7 +186,6 @@ class Virtual {
   void counted(const PassHost& host, const heddle_list_count& count) {
     if (count.overflow == 0 || count.capacity >= kMostRequests) return;
     requests_ = std::min(std::bit_ceil(count.count + count.overflow), kMostRequests);
-    is_growing_ = true;
     host.request_redeclare();
   }
 
@@ -198,6 +193,12 @@ class Virtual {
   static std::uint64_t cells_below(std::uint32_t levels) { return ((std::uint64_t{4} << (2 * levels)) - 1) / 3; }
   [[nodiscard]] std::uint32_t pitch() const { return tile_ + 2 * border_; }
   [[nodiscard]] std::uint64_t tile_bytes() const { return std::uint64_t{4} * pitch() * pitch(); }
+  struct Layout {
+    std::vector<tiles::Texture> textures;
+    std::uint32_t tile = 0, border = 0, in_row = 0;
+    friend bool operator==(const Layout&, const Layout&) = default;
+  };
+  [[nodiscard]] Layout layout() const { return {scene_.textures, tile_, border_, in_row_}; }
   /// An arrival and an eviction for each upload, and the roots.
   [[nodiscard]] std::uint32_t edit_room() const {
     return 2 * (uploads_ + static_cast<std::uint32_t>(scene_.textures.size()));
@@ -335,7 +336,6 @@ class Virtual {
   tiles::SceneTextures scene_;
   std::uint32_t tile_ = 0, border_ = 0, uploads_ = 0, in_row_ = 0;
   std::uint32_t requests_ = kFirstRequests;
-  bool is_growing_ = false;
   std::vector<std::uint32_t> first_cells_;  // of each texture, in tile_table
   std::optional<Residency> residency_;
   Changes changes_;  // of this frame

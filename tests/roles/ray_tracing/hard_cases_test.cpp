@@ -446,7 +446,8 @@ TEST(PathTracer, TexturesNormalsAndVertexColoursAreThoseThatRasterizersDraw) {
   sun.flags = 0;
   scene.add_light(sun);
   scene.look({0.2, 1.6, 0.7}, {0, 0, 0}, 0.9);
-  Graph traced(graph_text("params.samples = 1\nparams.filter = \"point\"\nparams.bounces = 1", "", 64));
+  Graph traced(graph_text(
+      "params.samples = 1\nparams.filter = \"point\"\nparams.emission = \"seen\"\nparams.bounces = 1", "", 64));
   const Image ours = traced.image(scene);
   Graph drawn(
       "extent = [64, 64]\noutput = \"lighting.radiance\"\n[[pass]]\nname = \"material\"\nrole = \"surface_material\"\n"

@@ -165,7 +165,7 @@ TEST(TextureSource, AnswersTheTexelThatIsAskedForInEveryLevel) {  // H1, H2
     Graph graph(probe_graph("virtual", kExact));
     std::size_t wrong = 0, seen = 0;
     std::set<int> levels;
-    for (int i = 0; i < 34; ++i) {
+    for (int i = 0; i < 16; ++i) {
       const Camera camera = camera_at(random, std::exp2(-2 + 9.5 * static_cast<double>(random()) * 0x1p-32), kExtent);
       const int level = level_of(camera, kExtent, 7);
       if (level < 0) continue;
@@ -185,8 +185,8 @@ TEST(TextureSource, AnswersTheTexelThatIsAskedForInEveryLevel) {  // H1, H2
       }
     }
     EXPECT_EQ(wrong, 0U) << mode << ", of " << seen;
-    EXPECT_GE(levels.size(), 7U);
-    EXPECT_GT(seen, 90000U);
+    EXPECT_GE(levels.size(), 6U);
+    EXPECT_GT(seen, 40000U);
   }
 }
 
@@ -218,7 +218,7 @@ TEST(TextureSource, NeverShowsAnotherPlaceOrAnOlderTileInARandomFlight) {  // H6
   std::mt19937 random(4);
   Camera camera;
   std::size_t wrong = 0, evicted = 0;
-  for (int frame = 0; frame < 500; ++frame) {
+  for (int frame = 0; frame < 300; ++frame) {
     if (frame % 25 == 0) camera = camera_at(random, std::exp2(7.9 * static_cast<double>(random()) * 0x1p-32), kExtent);
     camera.corner.x = as_float(camera.corner.x + 5 * camera.edge_u.x);
     look(graph, camera);
@@ -262,7 +262,7 @@ TEST(TextureSource, GoesQuietBeforeAStillCameraToTheLastByte) {
   look(graph, camera);
   settle(graph, scene.scene);
   const Image still = graph.image(scene.scene);
-  const auto uploads_of = [&] { return stats(graph)["counters"]["upload_bytes"].get<std::uint64_t>(); };
+  const auto uploads_of = [&] { return stats(graph)["counters"]["uploaded_bytes"].get<std::uint64_t>(); };
   for (int frame = 0; frame < 12; ++frame) {
     render(graph, scene.scene);
     const auto now = counts(graph);
@@ -282,39 +282,43 @@ TEST(TextureSource, WorkFollowsTheTilesAndNotTheSizeOfTheTexture) {
     look(graph, {{0, 0}, {as_float(3.0 / extent), 0}, {0, as_float(3.0 / extent)}});
     settle(graph, scene.scene);
     render(graph, scene.scene);
-    work[extent] = {stats(graph)["counters"]["upload_bytes"], stats(graph)["counters"]["read_back_bytes"]};
+    work[extent] = {stats(graph)["counters"]["uploaded_bytes"], stats(graph)["counters"]["read_back_bytes"]};
   }
   EXPECT_EQ(work[4096], work[262144]);
 }
 
 TEST(TextureSource, WithHalfTheCacheItNeedsItIsCoarserAndStill) {  // H7
-  constexpr std::uint32_t kExtent = 65536;
-  TextureScene scene(R"({"source": "uvgrid", "extent": 65536})");
-  const Camera camera{{0.3, 0.3}, {as_float(15.0 / kExtent), 0}, {0, as_float(15.0 / kExtent)}};
-  std::map<std::string, std::uint64_t> full, half;
-  for (const char* cache : {"2048", "560"}) {  // 225 tiles, 16 tiles
-    Graph graph(probe_graph("virtual", std::string(kExact) + "params.cache = " + cache + "\n"));
+  constexpr std::uint32_t kExtent = 4096;
+  TextureScene scene(R"({"source": "uvgrid", "extent": 4096})");
+  const Camera camera{{0.3, 0.3}, {as_float(0.9 / kExtent), 0}, {0, as_float(0.9 / kExtent)}};
+  for (const bool is_half : {false, true}) {
+    // 784 tiles, and 9.
+    Graph graph(probe_graph(
+        "virtual", std::string(kExact) + "params.tile = \"64\"\nparams.cache = " + (is_half ? "216" : "2048") + "\n"));
+    graph.set("extent=[256,128]");
     look(graph, camera);
-    for (int frame = 0; frame < 60; ++frame) {
+    for (int frame = 0; frame < 30; ++frame) {
       render(graph, scene.scene);
       const auto now = counts(graph);
-      if (frame > 30) {
+      if (frame > 15) {
         EXPECT_EQ(now.at("tiles_uploaded") + now.at("tiles_evicted"), 0U) << "thrashing";
       }
     }
     double excess = 0;
     EXPECT_EQ(out_of_place(graph.read(), camera, kExtent, excess), 0U);
-    (std::string(cache) == "560" ? half : full) = counts(graph);
-    if (std::string(cache) == "560") {
-      EXPECT_LE(excess, static_cast<double>(counts(graph)["level_bias"]));
-      EXPECT_GT(excess, 0.5);
-    } else {
+    const auto last = counts(graph);
+    std::printf("%d wanted, %d resident, bias %d: %.2f levels too coarse\n", static_cast<int>(last.at("tiles_wanted")),
+                static_cast<int>(last.at("tiles_resident")), static_cast<int>(last.at("level_bias")), excess);
+    if (!is_half) {
       EXPECT_EQ(excess, 0);
+      EXPECT_EQ(last.at("level_bias"), 0U);
+      EXPECT_GE(last.at("tiles_wanted"), 2U * 9U) << "not half the cache that is needed";
+    } else {
+      EXPECT_GT(last.at("level_bias"), 0U);
+      EXPECT_LE(excess, static_cast<double>(last.at("level_bias")));
+      EXPECT_GT(excess, 0.5);
     }
   }
-  EXPECT_EQ(full["level_bias"], 0U);
-  EXPECT_GT(half["level_bias"], 0U);
-  EXPECT_GE(full["tiles_wanted"], 2 * 16U) << "not half the cache that is needed";
 }
 
 double psnr(const Image& a, const Image& b) {
@@ -328,31 +332,32 @@ double psnr(const Image& a, const Image& b) {
 
 TEST(TextureSource, IsTheReferencesPictureWhereAllTilesAreResident) {
   std::mt19937 random(17);
-  for (const std::string source : {"road", "ramp"}) {
-    for (const std::string mode : {"wrap", "mirror", "clamp"}) {
-      TextureScene scene("{\"source\": \"" + source + "\", \"extent\": 2048, \"address\": \"" + mode + "\"}");
-      for (const std::string filtering : {"bilinear", "trilinear"}) {
-        for (const std::string taps : {"1", "4"}) {
-          const std::string shared = "params.filtering = \"" + filtering + "\"\nparams.anisotropy = " + taps + "\n";
-          Graph resident(probe_graph("resident", shared));
-          Graph paged(
-              probe_graph("virtual", shared + "params.spacing = \"2\"\nparams.uploads = 64\nparams.window = 8\n"));
-          double worst = 1e30;
-          for (int i = 0; i < 4; ++i) {
-            Camera camera = camera_at(random, std::exp2(-1 + 3.5 * static_cast<double>(random()) * 0x1p-32), 2048);
-            camera.edge_v *= 0.25 + 0.5 * i;
-            camera.edge_v = {as_float(camera.edge_v.x), as_float(camera.edge_v.y)};
-            look(resident, camera);
-            look(paged, camera);
-            settle(paged, scene.scene);
-            worst = std::min(worst, psnr(paged.image(scene.scene), resident.image(scene.scene)));
-          }
-          std::printf("%s %s %s %s taps: PSNR %.1f dB\n", source.c_str(), mode.c_str(), filtering.c_str(), taps.c_str(),
-                      worst);
-          EXPECT_GE(worst, 60) << source << " " << mode << " " << filtering << " " << taps;
-        }
-      }
+  struct Case {
+    const char *source, *mode, *filtering;
+    int taps;
+  };
+  for (const Case& c : {Case{"road", "wrap", "bilinear", 1}, Case{"road", "mirror", "trilinear", 4},
+                        Case{"road", "clamp", "bilinear", 4}, Case{"ramp", "wrap", "trilinear", 1},
+                        Case{"ramp", "mirror", "bilinear", 4}}) {
+    const std::string named = std::string(c.source) + " " + c.mode + " " + c.filtering + " " + std::to_string(c.taps);
+    TextureScene scene(R"({"extent": 1024, "source": ")" + std::string(c.source) + R"(", "address": ")" + c.mode +
+                       "\"}");
+    const std::string shared =
+        std::string("params.filtering = \"") + c.filtering + "\"\nparams.anisotropy = " + std::to_string(c.taps) + "\n";
+    Graph resident(probe_graph("resident", shared));
+    Graph paged(probe_graph("virtual", shared + "params.spacing = \"2\"\nparams.uploads = 64\nparams.window = 8\n"));
+    double worst = 1e30;
+    for (int i = 0; i < 4; ++i) {
+      Camera camera = camera_at(random, std::exp2(-1 + 3.5 * static_cast<double>(random()) * 0x1p-32), 1024);
+      camera.edge_v *= 0.25 + 0.5 * i;
+      camera.edge_v = {as_float(camera.edge_v.x), as_float(camera.edge_v.y)};
+      look(resident, camera);
+      look(paged, camera);
+      settle(paged, scene.scene);
+      worst = std::min(worst, psnr(paged.image(scene.scene), resident.image(scene.scene)));
     }
+    std::printf("%s taps: PSNR %.1f dB\n", named.c_str(), worst);
+    EXPECT_GE(worst, 60) << named;
   }
 }
 
@@ -496,7 +501,7 @@ struct Plane {
                    {0, 1, 1, 1, 1, 0, 0, 0});
     if (is_virtual)
       check(heddle_scene_set_component(scene.handle, HEDDLE_OWNER_MATERIAL, 0, "texture_source.virtual",
-                                       R"({"source": "road", "extent": 4096})"));
+                                       R"({"source": "road", "extent": 2048})"));
     scene.look({0, 2, 10}, {0, 0, 0});
   }
 };
