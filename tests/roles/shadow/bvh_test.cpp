@@ -2,7 +2,7 @@
 // bvh.glsl and owen_sobol.glsl, compiled here as C++ (glm; literals are float by a compiler option, as in GLSL), over
 // trees of bvh.hpp, against every triangle in float64 and against Embree's own rays. Needs no device.
 #include "bvh.hpp"
-#include "ambient_occlusion/ray_traced/estimator.hpp"
+#include "shared/owen_sobol.hpp"
 
 #include <glm/glm.hpp>
 #include <glm/gtc/integer.hpp>
@@ -359,7 +359,7 @@ TEST(OwenSobol, IsTheSequenceOfTheReferenceBeforeScrambling) {
     }
     EXPECT_EQ(glsl::sobol_second(index), expected) << index;
     const std::uint32_t seed = static_cast<std::uint32_t>(random());
-    EXPECT_EQ(glsl::scramble_owen(index, seed), heddle::ambient_occlusion::scramble_owen(index, seed));
+    EXPECT_EQ(glsl::scramble_owen(index, seed), sampling::scramble_owen(index, seed));
   }
 }
 
