@@ -242,23 +242,26 @@ def read(host: Host, file: str, scenes: Iterable[str] = ()) -> Study:
     return understand(host, written, places, path.stem, path.parent)
 
 
-def reads_a_job(technique: dict[str, Any]) -> bool:
-    """Whether it needs an artifact, so that only a file which names the job can study it."""
-    return any(port["type"] == "artifact" and port["direction"] == "in" and "optional" not in port["flags"]
-               for port in technique["ports"])
-
-
 def of_role(host: Host, role: str, scenes: list[str], settings: list[str], climb: str = "together") -> Study:
-    """A study of all techniques of a role but those that read what a job has left, over all their knobs, that nobody
-    wrote."""
+    """A study of all techniques of a role, over all their knobs, that nobody wrote. Those that need the artifact of a job,
+    which only a graph can name, are left out, and the title says so."""
     reader = Reader(host, Places("--role", ""), pathlib.Path())
     if role not in reader.roles:
         reader.unknown(("role",), "role", role, reader.roles)
         raise Error(2, "\n".join(reader.errors))
-    names = sorted(name for (of, name), each in reader.techniques.items() if of == role and not reads_a_job(each))
-    written = {"title": f"All techniques of {role}", "role": role, "set": settings, "scene": [{"file": s} for s in scenes],
+    every = sorted(name for of, name in reader.techniques if of == role)
+    names = [name for name in every if not needs_artifact(reader.techniques[role, name])]
+    left = [name for name in every if name not in names]
+    without = f" without {', '.join(left)}, which a graph must give a job's artifact" if left else ""
+    written = {"title": f"All techniques of {role}{without}", "role": role, "set": settings, "scene": [{"file": s} for s in scenes],
                "variant": [{"name": name, "technique": name, "knobs": "all", "climb": climb} for name in names]}
     return understand(host, written, Places("--role", ""), role, pathlib.Path())
+
+
+def needs_artifact(technique: Mapping[str, Any]) -> bool:
+    """Whether it reads what a job left: a graph must name the job."""
+    return any(port["type"] == "artifact" and port["direction"] == "in" and "optional" not in port["flags"]
+               for port in technique["ports"])
 
 
 def understand(host: Host, written: dict[str, Any], places: Places, name: str, folder: pathlib.Path) -> Study:

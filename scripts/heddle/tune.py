@@ -470,7 +470,7 @@ def what_is_tuned(arguments: argparse.Namespace, passes: Sequence[Mapping[str, A
         truths[name] = most_accurate(name, here, False)
         if arguments.techniques:
             for (role, _), other in sorted(techniques.items()):
-                if role == each["role"] and other is not here:
+                if role == each["role"] and other is not here and not definition.needs_artifact(other):
                     every[name] += options_of(name, other, each["parameters"], True)
             stated = (roles[each["role"]].get("references") or {}).get("same_model") or {}
             if reference := techniques.get((each["role"], stated.get("technique", "").split("/")[-1])):

@@ -237,6 +237,7 @@ def test_what_a_file_leaves_open_the_role_says(host, tmp_path):
 def test_a_role_alone_is_a_study_of_all_its_techniques_and_knobs(host):
     study = definition.of_role(host, "ambient_occlusion", ["cornell_box.py"], ["extent=[32,18]"])
     assert {point.variant for point in study.points} == {"gtao", "ray_traced", "ssao"}
+    assert study.title == "All techniques of ambient_occlusion without baked, which a graph must give a job's artifact"
     by_variant = [point for point in study.points if point.variant == "ssao"]
     assert len(by_variant) == 5 and {knob for knob, _ in by_variant[0].knobs} >= {"points", "blur_passes"}
     with pytest.raises(heddle.Error, match="did you mean 'ambient_occlusion'"):
