@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// heddle reproduce: a point of a study's report, made again. All of it is Python; what is said here is for --help and for
-// completion.
+// heddle reproduce: a point of a study's report, made again. All of it is Python; what is said here is for --help and
+// for completion.
 
 #include "cli/session.hpp"
 

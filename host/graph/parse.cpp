@@ -159,8 +159,8 @@ void walk(const toml::table& table, std::string_view file, std::span<const std::
       }
     } else if (node->is_table() || node->is_array_of_tables()) {
       // No key takes a table here: the path with one of its keys makes the grammar say so, or that the key is unknown.
-      const toml::table& inner = node->is_table() ? *node->as_table() : *node->as_array()->front().as_table();
-      const auto below = in_file_order(inner, file);
+      const toml::table& shown = node->is_table() ? *node->as_table() : *node->as_array()->front().as_table();
+      const auto below = in_file_order(shown, file);
       assign(std::array{key, below.empty() ? key : below.front().first}, Written{std::string{}, key.where});
     } else if (auto value = to_written(*node, file, problems)) {
       assign(std::array{key}, std::move(*value));

@@ -135,10 +135,11 @@ vec3 dominant_direction(vec3 N, vec3 R, float alpha) {
 }
 
 // Interpolated and mapped normals may turn away from the viewer, a surface that is seen does not: the nearest that does
-// not, either.
+// not, either. A little more than edge-on, so that its own rounding, 1e-7, does not turn it away again: the BRDF is 0 there.
 vec3 normal_towards_viewer(vec3 N, vec3 V) {
+  const float kEdgeOn = 1e-6;
   float NoV = dot(N, V);
-  return NoV < 0.0 ? normalize(N - V * NoV) : N;
+  return NoV < kEdgeOn ? normalize(N + V * (kEdgeOn - NoV)) : N;
 }
 
 // Reflected radiance towards V, cd/m^2, without emission. `raster_px`: where the camera sees position_rel. `normal`: the

@@ -219,12 +219,12 @@ class Cluster:
                         yield i, answer
                 if waiting and self._is_stuck(waiting):
                     for future in [future for future in waiting if not future.done()]:
-                        future.cancel()
+                        self._cancel(future)
                         i = waiting.pop(future)
                         waiting[self._submit(items[i], False, kept, None)] = i
         finally:
             for future in waiting:
-                future.cancel()
+                self._cancel(future)
 
     def at_place(self, item: dict) -> Answer:
         """Of an item that is timed. raises: Moved, Error, OSError"""
@@ -237,7 +237,7 @@ class Cluster:
                     self._move()
             answer = self._answer(future)
         finally:
-            future.cancel()
+            self._cancel(future)
         if answer is None or isinstance(answer, Refused) or answer.machine != machine:
             self._move()
         assert isinstance(answer, Answer)
@@ -263,7 +263,7 @@ class Cluster:
 
     def _look(self) -> dict[str, dict]:
         """Fingerprints of the workers that are there now; who is new is asked."""
-        there = set(self._client.scheduler_info()["workers"])
+        there = self._there()
         for address in set(self._machines) - there:
             self._say(f"cluster: worker {address} is gone")
             del self._machines[address]
@@ -283,6 +283,22 @@ class Cluster:
                     self._seen.setdefault(each["id"], each)
         return self._machines
 
+    def _there(self) -> set[str]:
+        """Addresses of the scheduler's workers. raises: Error if it is gone"""
+        deadline = time.monotonic() + self._timeout
+        while True:
+            reason = f"the connection is {self._client.status}"
+            if self._client.status == "running":
+                try:
+                    return set(self._client.scheduler_info()["workers"])
+                except (OSError, self._distributed.TimeoutError) as error:
+                    reason = str(error)
+            self._stop()
+            if time.monotonic() > deadline or self._client.status == "closed":
+                raise Error(4, f"error: the cluster's scheduler is gone: {reason}\n  help:     what was measured is kept; the same "
+                               "command goes on from there, with another --cluster or without")
+            time.sleep(0.2)
+
     def _refuse(self, address: str, reason: str) -> None:
         if address not in self._refused:
             self._refused[address] = reason
@@ -293,7 +309,7 @@ class Cluster:
         deadline = time.monotonic() + self._timeout
         while not self._look():
             self._stop()
-            known = set(self._client.scheduler_info()["workers"])
+            known = self._there()
             if time.monotonic() > deadline or (known and known <= set(self._refused)):
                 why = "".join(f"\n    {address}: {reason}" for address, reason in self._refused.items())
                 raise Error(4, "error: no worker of the cluster can do the study" + (why or f"\n  found:    none in "
@@ -317,6 +333,11 @@ class Cluster:
             self._wait_for_worker()
             workers = list(self._machines)
         return self._client.submit(perform, item, is_timed, build(), kept, pure=False, workers=workers, allow_other_workers=False)
+
+    def _cancel(self, future: Any) -> None:
+        if self._client.status == "running":
+            with contextlib.suppress(OSError, self._distributed.TimeoutError):  # the scheduler has gone with it
+                future.cancel()
 
     def _finished(self, futures: list) -> list:
         """Those that are done; waits half a second for the first."""

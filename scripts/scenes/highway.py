@@ -59,7 +59,7 @@ def build(scene) -> None:
     post = scene.mesh(material=scene.material("post", (0.75, 0.74, 0.7, 1), roughness=0.6), name="post",
                       **shapes.box((0.12, 1.1, 0.12)))
     for v in np.arange(0.3, 0.7, 24 / SIDE):
-        for side in (-14, 14):
+        for side in (-26, 26):
             u = middle(v) + side / SIDE
             at = place(np.array(u), np.array(v))
             scene.instance(post, shapes.translation(at[0], at[1] + 0.5, at[2]))

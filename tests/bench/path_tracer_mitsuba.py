@@ -205,9 +205,9 @@ class Both:
         mesh = mi.Mesh("mesh", len(shape["positions"]), len(shape["indices"].ravel()) // 3, has_vertex_texcoords=True,
                        props=self.properties(color, metalness, roughness, ior, emissive, coverage, stripes))
         values = mi.traverse(mesh)
-        values["vertex_positions"] = mi.Float(np.asarray(shape["positions"], np.float32).ravel())
-        values["vertex_texcoords"] = mi.Float(np.asarray(shape["uv0"], np.float32).ravel())
-        values["faces"] = mi.UInt32(np.asarray(shape["indices"], np.uint32).ravel())
+        for key, numbers, kind in (("vertex_positions", shape["positions"], np.float32),
+                                   ("vertex_texcoords", shape["uv0"], np.float32), ("faces", shape["indices"], np.uint32)):
+            values[key] = type(values[key])(np.asarray(numbers, kind).ravel())
         values.update()
         self.mitsuba[f"shape{len(self.mitsuba)}"] = mesh
 

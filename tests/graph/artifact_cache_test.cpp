@@ -99,7 +99,8 @@ TEST_F(ArtifactCacheTest, TellsWhatIsNoFileAndPutsOneInItsPlace) {
   EXPECT_EQ(cache.write(kKey, {{"image", part}}), "");
   EXPECT_TRUE(fs::is_regular_file(cache.file(kKey)));
   EXPECT_EQ(count(), 2U) << "nothing unfinished";
-  EXPECT_EQ(damage(), "");
+  std::string told;
+  EXPECT_TRUE(cache.read(kKey, told)) << told;
   cache.remove(kKey);
   fs::create_directories(cache.file(kKey) / "again");
   cache.remove(kKey);
@@ -107,7 +108,6 @@ TEST_F(ArtifactCacheTest, TellsWhatIsNoFileAndPutsOneInItsPlace) {
   ASSERT_EQ(mkfifo(cache.file(kKey).c_str(), 0600), 0);
   EXPECT_EQ(damage(), "it is no file") << "and nobody waits for who writes to it";
   EXPECT_EQ(cache.write(kKey, {{"image", part}}), "");
-  std::string told;
   EXPECT_TRUE(cache.read(kKey, told)) << told;
 }
 

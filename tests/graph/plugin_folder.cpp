@@ -368,6 +368,11 @@ Technique path_tracer() {
                StageKind::kCpu,
                {touch("sky_map", HEDDLE_ACCESS_HOST_READ), touch("surfaces", HEDDLE_ACCESS_HOST_READ), value("camera"),
                 value("lights"), touch("radiance", HEDDLE_ACCESS_HOST_WRITE)}}};
+  for (const char* split :
+       {"variance", "emission", "direct", "indirect_diffuse", "indirect_specular", "occlusion", "shadow"}) {
+    t.ports.push_back(image_out(split, VK_FORMAT_R32G32B32A32_SFLOAT, HEDDLE_PORT_KEPT));
+    t.stages[1].accesses.push_back(touch(split, HEDDLE_ACCESS_HOST_WRITE));
+  }
   t.shaders = {shader("sky", ShaderKind::kCompute, "sky", {"sky", "surface_material"})};
   return t;
 }
@@ -479,10 +484,27 @@ PluginFolder::PluginFolder() {
   std::string pattern = (fs::temp_directory_path() / "heddle-graph-XXXXXX").string();
   if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
   folder_ = pattern;
-  for (const Technique& t :
-       {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(), gtao(), ray_traced(),
-        baked(), bake_depth_maps(), shadow_map(), ray_marched_screen(), ggx(), tiled(), virtual_texture(), heat_map(),
-        deferred(), path_tracer(), supersampled(), sorted(), display(), paint_dots()}) {
+  for (const Technique& t : {sky_procedural(),
+                             sky_uniform(),
+                             sky_environment_map(),
+                             subdivision(),
+                             gbuffer_raster(),
+                             gtao(),
+                             ray_traced(),
+                             baked(),
+                             bake_depth_maps(),
+                             shadow_map(),
+                             ray_marched_screen(),
+                             ggx(),
+                             tiled(),
+                             virtual_texture(),
+                             heat_map(),
+                             deferred(),
+                             path_tracer(),
+                             supersampled(),
+                             sorted(),
+                             display(),
+                             paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());

@@ -94,6 +94,7 @@ def without_times(rows):
                    for row in rows if is_time(row)]
 
 
+@pytest.mark.skipif(not os.environ.get("HEDDLE_TEST_ALL"), reason="half a minute, and many on a busy machine: scripts/test --all")
 def test_a_cluster_of_which_workers_are_killed_makes_the_same_table(cluster, tmp_path, monkeypatch, capfd):
     here = tmp_path / "here"
     here.mkdir()
@@ -225,3 +226,25 @@ def test_times_of_two_machines_are_never_compared(host, tmp_path, monkeypatch):
     executor.machine = "first"
     scene.keys["few"] = "changed"
     assert not any(each["order"] for each in scene.finished_rounds())
+
+
+def test_a_scheduler_that_ends_is_said_and_nothing_waits_for_it(tmp_path):
+    made = Cluster(tmp_path)
+    try:
+        made.worker()
+        client = __import__("distributed").Client(scheduler_file=str(made.file), set_as_default=False)
+        address = client.scheduler.address
+        client.close()
+        executor = study_cluster.Cluster(address, None, 60.0, print, lambda: None)
+        made.scheduler.kill()
+        made.scheduler.wait()
+        executor._timeout = 1.0
+        scene = {"file": "heddle:scripts/scenes/cornell_box.py", "camera": "front", "time": 0.0, "overlays": [], "arguments": []}
+        item = {"do": "part", "scene": scene, "device": None, "timeout": 60.0, "port": "ao.visibility", "settle": 1, "seed": 0,
+                "point": {"name": "few", "owner": "few", "graph": "studio", "settings": [], "keep": None, "expected": {}}}
+        for ask in (lambda: list(executor.run([item])), lambda: executor.at_place(item)):
+            with pytest.raises(heddle.Error, match="the cluster's scheduler is gone: .*\n  help:     what was measured is kept"):
+                ask()
+        executor.close()
+    finally:
+        made.close()

@@ -86,7 +86,8 @@ constexpr heddle_access kSplit[] = {storage_read("elements"), value("directions"
                                     }()};
 constexpr heddle_access kCollect[] = {host_read("target")};
 constexpr heddle_access kCompare[] = {host_read("depth_maps")};
-constexpr heddle_access kKeep[] = {host_read("sums"), value("occlusion"), value("report")};
+constexpr heddle_access kFetch[] = {host_read("sums")};
+constexpr heddle_access kKeep[] = {value("occlusion"), value("report")};
 enum : std::uint32_t {
   kFitStage,
   kClearStage,
@@ -95,12 +96,13 @@ enum : std::uint32_t {
   kSplitStage,
   kCollectStage,
   kCompareStage,
+  kFetchStage,
   kKeepStage
 };
 constexpr heddle_stage kStages[] = {
     cpu_stage("fit", kFit),         gpu_stage("clear", kClear), gpu_stage("draw", kDraw),
     gpu_stage("sample", kSample),   gpu_stage("split", kSplit), cpu_stage("collect", kCollect),
-    cpu_stage("compare", kCompare), cpu_stage("keep", kKeep),
+    cpu_stage("compare", kCompare), cpu_stage("fetch", kFetch), cpu_stage("keep", kKeep),
 };
 constexpr heddle_shader kShaders[] = {
     compute_shader("clear", "clear", "clear.comp.glsl"),
@@ -163,6 +165,7 @@ class DepthMaps {
       switch (frame.stage()) {
         case kClearStage:
         case kSampleStage:
+        case kFetchStage:
           return pipeline_ == kFloatSums;
         case kSplitStage:
         case kCollectStage:
@@ -199,6 +202,8 @@ class DepthMaps {
         return collect(frame);
       case kCompareStage:
         return compare(frame);
+      case kFetchStage:
+        return fetch(frame);
       default:
         return keep(frame);
     }
@@ -367,22 +372,24 @@ class DepthMaps {
     return go_on(frame);
   }
 
+  heddle_status fetch(const Frame& frame) {
+    heddle_mapped out;
+    if (const heddle_status status = frame.map("sums", out); status != HEDDLE_OK) return status;
+    ++counted_.read_backs;
+    counted_.read_bytes += out.shape.byte_size;
+    const auto* sums = static_cast<const glm::vec4*>(out.data);
+    sums_.resize(set_.elements.size());
+    for (std::size_t e = 0; e < sums_.size(); ++e) {
+      const glm::dvec4 weights(sums[BAKE_VECTORS_PER_SUM * e]), bent(sums[BAKE_VECTORS_PER_SUM * e + 1]);
+      sums_[e] = {weights.x, weights.y, {bent.x, bent.y, bent.z}};
+      counted_.tests += static_cast<std::uint64_t>(weights.z);
+    }
+    return HEDDLE_OK;
+  }
+
   /// README equation (1), and the artifact.
   heddle_status keep(const Frame& frame) {
     const PassHost host = frame.host();
-    if (pipeline_ == kFloatSums) {
-      heddle_mapped out;
-      if (const heddle_status status = frame.map("sums", out); status != HEDDLE_OK) return status;
-      ++counted_.read_backs;
-      counted_.read_bytes += out.shape.byte_size;
-      const auto* sums = static_cast<const glm::vec4*>(out.data);
-      sums_.resize(set_.elements.size());
-      for (std::size_t e = 0; e < sums_.size(); ++e) {
-        const glm::dvec4 weights(sums[BAKE_VECTORS_PER_SUM * e]), bent(sums[BAKE_VECTORS_PER_SUM * e + 1]);
-        sums_[e] = {weights.x, weights.y, {bent.x, bent.y, bent.z}};
-        counted_.tests += static_cast<std::uint64_t>(weights.z);
-      }
-    }
     const Blind blind = set_values(set_, sums_, host.toggle("fill"), views_.size());
     for (const std::string& remark : set_.remarks)
       if (const heddle_status status = frame.add_row("report", HEDDLE_SEVERITY_WARNING, remark); status != HEDDLE_OK)

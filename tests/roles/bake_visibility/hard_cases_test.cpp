@@ -67,7 +67,10 @@ TEST_P(BakeVisibilityHardCases, H2AClosedBoxIsClosedAwayFromItsEdges) {
     std::sort(&to_wall.x, &to_wall.x + 3);
     if (to_wall.y <= band) continue;  // of the second wall; the first is its own
     ++inner;
-    EXPECT_EQ(p.visibility, 0) << p.position.x << ' ' << p.position.y << ' ' << p.position.z;
+    // Where the wall is seen edge-on it ends within a texel, whose centre may lie outside: of directions that leave
+    // the room within a texel of its side, a metre away or farther, the weight is below (texel / 1 m)^2.
+    EXPECT_LE(p.visibility, is_traced() ? 0 : std::pow(2 * std::sqrt(3.0) / 508, 2) * 4)
+        << p.position.x << ' ' << p.position.y << ' ' << p.position.z;
   }
   EXPECT_GE(inner, 6U * 49);
 }
@@ -118,7 +121,7 @@ TEST_P(BakeVisibilityHardCases, H5AWallCoversHalfOfWhatItsElevationDoes) {
     Scene scene;
     scene.add_floor(dvec3(0, 0, 1), 1);
     scene.add_box(dvec3(-kHalf, 0, -0.2), dvec3(kHalf, height, 0));
-    const Result result = run(scene, {"spacing=0.13", "directions=1024", "inset=0"});
+    const Result result = run(scene, {"spacing=0.13", "directions=512", "inset=0"});
     std::size_t count = 0;
     for (const Point& p : points(result.baked, 0)) {
       const double x = p.position.z + 1;
@@ -138,7 +141,8 @@ TEST_P(BakeVisibilityHardCases, H6WhatIsDegenerateGivesNumbers) {
   // One proper triangle, one without area, one that is a point; a vertex's normal is zero.
   scene.add_mesh({0, 1, 0, 1, 1, 0, 0, 1, 1, 2, 1, 0, 3, 1, 0, 5, 5, 5},
                  {0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0}, {0, 2, 1, 1, 3, 4, 5, 5, 5}, dmat4(1.0));
-  scene.add_mesh({0, 0, 0, 1, 0, 0, 0, 0, 1}, {0, 1, 0, 0, 1, 0, 0, 1, 0}, {0, 2, 1}, dmat4(0.0));
+  scene.add_mesh({0, 0, 0, 1, 0, 0, 0, 0, 1}, {0, 1, 0, 0, 1, 0, 0, 1, 0}, {0, 2, 1},
+                 glm::scale(dmat4(1.0), dvec3(0.0)));
   const Result result = run(scene, {"spacing=0.5", "directions=64"});
   for (const BakedValue& value : result.baked.values) {
     EXPECT_TRUE(std::isfinite(value.visibility));
