@@ -479,10 +479,27 @@ PluginFolder::PluginFolder() {
   std::string pattern = (fs::temp_directory_path() / "heddle-graph-XXXXXX").string();
   if (mkdtemp(pattern.data()) == nullptr) throw std::runtime_error("no temporary folder");
   folder_ = pattern;
-  for (const Technique& t :
-       {sky_procedural(), sky_uniform(), sky_environment_map(), subdivision(), gbuffer_raster(), gtao(), ray_traced(),
-        baked(), bake_depth_maps(), shadow_map(), ray_marched_screen(), ggx(), tiled(), virtual_texture(), heat_map(),
-        deferred(), path_tracer(), supersampled(), sorted(), display(), paint_dots()}) {
+  for (const Technique& t : {sky_procedural(),
+                             sky_uniform(),
+                             sky_environment_map(),
+                             subdivision(),
+                             gbuffer_raster(),
+                             gtao(),
+                             ray_traced(),
+                             baked(),
+                             bake_depth_maps(),
+                             shadow_map(),
+                             ray_marched_screen(),
+                             ggx(),
+                             tiled(),
+                             virtual_texture(),
+                             heat_map(),
+                             deferred(),
+                             path_tracer(),
+                             supersampled(),
+                             sorted(),
+                             display(),
+                             paint_dots()}) {
     const fs::path role = fs::path(HEDDLE_SOURCE_DIR) / "plugins" / t.role_name() / "role.toml";
     const fs::path copy = folder_ / t.role_name() / "role.toml";
     fs::create_directories(copy.parent_path());
