@@ -118,8 +118,9 @@ class Template {
                                 "  help:     begin with a copy of another technique's folder",
                                 role_name_, used.name)};
     }
-    // Surfaces are drawn, not computed with; what a technique may change in place, it may leave alone.
-    if (type == "surfaces" || direction == "inout") return;
+    // Surfaces are drawn and artifacts read by CPU stages, not computed with here; what a technique may change in
+    // place, it may leave alone.
+    if (type == "surfaces" || (type == "artifact" && used.is_optional) || direction == "inout") return;
     if (used.is_output) {
       used.builder = "image_out";
       used.access = "storage_write";
