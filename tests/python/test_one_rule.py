@@ -116,7 +116,7 @@ def test_a_live_picture_is_the_repeatable_one_where_nothing_is_late(scenes):
 def test_a_graph_that_is_not_there_is_told_with_those_that_are(command):
     said = run(command, "explain", "nosuch", status=2).stderr
     assert "there is neither a file nor a shipped graph 'nosuch'" in said
-    assert "; shipped are deferred, environment, furnace, " in said
+    assert "; shipped are bake_occlusion, baked_ao, deferred, environment, furnace, " in said
 
 
 def test_a_kind_of_image_that_nobody_writes_is_told_by_its_own_name(command, scenes):

@@ -19,7 +19,7 @@ from conftest import ROOT, default_signals
 
 # Run by whoever runs these tests, or by themselves; and what another test runs from an installed copy.
 OTHERS = ("scripts/", "cmake ", "DIR/", "HEDDLE_PLUGIN_PATH=", "source ", "build/bin/heddle new-technique",
-          "build/bin/heddle bench")
+          "build/bin/heddle bench", "dask-scheduler ")
 TAKES_A_SIZE = ("run", "view", "compare", "inspect", "check")
 
 
@@ -117,6 +117,8 @@ def test_the_command_runs(words, folder, command):
     environment.pop("PYTHONPATH", None)
     subcommand = re.search(r"heddle (\S+)", words)[1]
     words = words.replace("320,180", "16,9")
+    if "bake" in words:
+        words = words.replace("scenes/atrium", "scenes/cornell_box")  # minutes
     if subcommand in TAKES_A_SIZE and not re.search(r"\.exr \S+\.exr", words):
         words += " --set 'extent=[32,18]'"
     if subcommand == "view":  # on a screen in memory, and closed at once

@@ -67,9 +67,11 @@ TEST_P(BakeVisibilityHardCases, H2AClosedBoxIsClosedAwayFromItsEdges) {
     std::sort(&to_wall.x, &to_wall.x + 3);
     if (to_wall.y <= band) continue;  // of the second wall; the first is its own
     ++inner;
-    // Where the wall is seen edge-on it ends within a texel, whose centre may lie outside: of directions that leave
-    // the room within a texel of its side, a metre away or farther, the weight is below (texel / 1 m)^2.
-    EXPECT_LE(p.visibility, is_traced() ? 0 : std::pow(2 * std::sqrt(3.0) / 508, 2) * 4)
+    // A direction at the cosine h to the wall comes out of the map within a texel of its end, whose centre may lie
+    // outside, if h < texel / t, where t >= d is how far the next wall is along it: of the weight at most (texel /
+    // d)^2, and for so few directions one more than their share.
+    const double grazing = 2 * std::sqrt(3.0) / 508 / to_wall.y;
+    EXPECT_LE(p.visibility, is_traced() ? 0 : grazing * grazing + grazing * 4 / 256)
         << p.position.x << ' ' << p.position.y << ' ' << p.position.z;
   }
   EXPECT_GE(inner, 6U * 49);
@@ -121,7 +123,7 @@ TEST_P(BakeVisibilityHardCases, H5AWallCoversHalfOfWhatItsElevationDoes) {
     Scene scene;
     scene.add_floor(dvec3(0, 0, 1), 1);
     scene.add_box(dvec3(-kHalf, 0, -0.2), dvec3(kHalf, height, 0));
-    const Result result = run(scene, {"spacing=0.13", "directions=512", "inset=0"});
+    const Result result = run(scene, {"spacing=0.13", "directions=1024", "inset=0"});
     std::size_t count = 0;
     for (const Point& p : points(result.baked, 0)) {
       const double x = p.position.z + 1;
