@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // bake_visibility/depth_maps: the scene seen from directions all around, a few at a time, one orthographic depth map
 // each; every element of every surface looks into all of them. What looks, where sums are kept and how often they are
-// read back is the pipeline's: five of them, the default one being all on the GPU.
+// read back is the pipeline's: four of them, the default one being all on the GPU.
 #include "compare.hpp"
 
 #include "bake_directions.hpp"

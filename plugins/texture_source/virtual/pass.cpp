@@ -30,6 +30,8 @@ constexpr double kAnisotropyLadder[] = {1, 2, 4, 8, 16};
 constexpr double kUploadsLadder[] = {4, 8, 16, 32, 64};
 constexpr double kSpacingLadder[] = {0, 1, 2, 3};
 
+constexpr double kMostFade = 10;  // s
+
 constexpr heddle_parameter kParameters[] = {
     knob(choice("filtering", kFilters, 1, "of texels, and between levels"), kFilterLadder),
     knob(integer("anisotropy", "1", 1, 16, 4, "taps along a pixel's long axis, at most; twice the border at most"),
@@ -44,7 +46,7 @@ constexpr heddle_parameter kParameters[] = {
     knob(choice("spacing", kSpacings, 1, "of each square of so many pixels a side one asks in a frame"),
          kSpacingLadder),
     integer("window", "1", 1, 1024, 64, "frames for which a tile is wanted after a pixel has asked for it"),
-    parameter("fade", "s", 0, 10, 0.25, "until a tile that has come hides its parent"),
+    parameter("fade", "s", 0, kMostFade, 0.25, "until a tile that has come hides its parent"),
 };
 
 constexpr std::uint32_t kLatency = 2;
@@ -61,7 +63,7 @@ constexpr float kLongAgo = -1e9F;               // s
 struct State {
   std::uint32_t layout[4];  // tile, its logarithm, border, slots in a row
   std::uint32_t query[4];   // spacing, offset x, y
-  float time[4];            // 1 / fade, now
+  float time[4];            // 1 / fade, the fade's clock
 };
 
 constexpr heddle_port kPorts[] = {
@@ -151,7 +153,7 @@ class Virtual {
   }
 
   heddle_status execute(const Frame& frame) {
-    if (frame.info().cut != 0 || !residency_) reset(frame);
+    if (frame.info().cut != 0 || !residency_) reset();
     heddle_mapped mapped{};
     heddle_status status = frame.map("requests", mapped);
     if (status != HEDDLE_OK) return status;
@@ -164,11 +166,14 @@ class Virtual {
     const auto window = static_cast<std::uint32_t>(frame.host().integer("window"));
     changes_ = residency_->step(asked_, frame.info().index, window, uploads_);
     count(frame.host());
-    const float now = static_cast<float>(frame.info().time - epoch_);
     const double fade = frame.host().parameter("fade");
-    // Where time stands still nothing would ever be faded in.
+    // Where time stands still, or runs back, nothing would ever be faded in.
     const bool is_fading = fade > 0.0 && frame.info().time_step > 0.0;
+    // A clock of its own, for scene time may jump to before a tile came.
+    clock_ = is_fading ? clock_ + frame.info().time_step : std::max(clock_, last_birth_ + kMostFade);
+    const float now = static_cast<float>(clock_);
     birth_ = is_fading ? now : kLongAgo;
+    if (is_fading && !changes_.uploads.empty()) last_birth_ = clock_;
     status = frame.set_value("virtual_materials", std::span<const std::uint32_t>(materials()));
     const State state = state_of(frame, is_fading ? static_cast<float>(1.0 / fade) : 1.0F, now);
     if (status == HEDDLE_OK) status = frame.set_value("virtual_state", std::span<const State>(&state, 1));
@@ -208,11 +213,11 @@ class Virtual {
   }
 
   /// Nothing of the past is valid: the roots come again, and after them what is asked for.
-  void reset(const Frame& frame) {
+  void reset() {
     std::vector<std::uint32_t> roots;
     for (std::uint32_t t = 0; t < scene_.textures.size(); ++t) roots.push_back(root_of(t));
     residency_.emplace(in_row_ * in_row_, std::move(roots));
-    epoch_ = frame.info().time;
+    clock_ = last_birth_ = 0;
   }
 
   void count(const PassHost& host) const {
@@ -341,7 +346,7 @@ class Virtual {
   Changes changes_;  // of this frame
   std::vector<Tile> asked_;
   std::vector<tiles::Rgba8> texels_;
-  double epoch_ = 0;
+  double clock_ = 0, last_birth_ = 0;  // s; of the last tile that is faded in
   float birth_ = kLongAgo;
 };
 

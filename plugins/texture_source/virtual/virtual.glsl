@@ -4,7 +4,7 @@
 // in   virtual_materials  two uvec4 a material: first cell, n | address << 8 | texture << 16, chart's size (float bits),
 //                         1 if it is virtual; first texel of the chart
 //      virtual_state      tile, its logarithm, border, slots in a row; spacing, offset x, offset y of the pixels that ask;
-//                         1 / fade time, scene time
+//                         1 / fade time, the fade's clock
 //      tile_table, tile_cache, slot_births
 // out  requests           texture | level << 16, x | y << 16
 // One loop, of params.anisotropy steps, twice with filter trilinear.

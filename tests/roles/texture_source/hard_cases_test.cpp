@@ -474,6 +474,40 @@ TEST(TextureSource, TilesFadeInInsteadOfPopping) {
   EXPECT_GT(change["0.0"], 0);
 }
 
+TEST(TextureSource, IsSettledWhereTimeRestsAndWhereItWentBack) {
+  TextureScene scene(R"({"source": "road", "extent": 4096})");
+  const Camera far{{0.5, 0.5}, {2.0 / 4096, 0}, {0, 2.0 / 4096}}, near{{0.5, 0.5}, {1.0 / 4096, 0}, {0, 1.0 / 4096}};
+  const std::string parameters = "params.spacing = \"2\"\nparams.window = 8\nparams.fade = ";
+  Graph whole(probe_graph("virtual", parameters + "0.0\n"));
+  look(whole, near);
+  settle(whole, scene.scene);
+  const Image settled = whole.read();
+  constexpr double kStep = 1.0 / 60;
+  struct Case {
+    const char* what;
+    double time, step;
+    int frames;
+  };
+  // The first frame at rest shows all that is there; time that jumped back and goes on fades as it would have.
+  for (const Case& one : {Case{"rests", 10.25, 0, 1}, Case{"runs back", 10.2, -kStep, 1},
+                          Case{"went back, and goes on", 1, kStep, 20}}) {
+    Graph graph(probe_graph("virtual", parameters + "0.25\n"));
+    look(graph, far);
+    settle(graph, scene.scene);
+    look(graph, near);
+    for (int frame = 0; frame < 12; ++frame) render(graph, scene.scene, 10 + frame * kStep, kStep);
+    EXPECT_GT(largest_change(graph.read(), settled), 0) << one.what << ": half-faded at first";
+    for (int frame = 0; frame < one.frames; ++frame)
+      render(graph, scene.scene, one.time + frame * one.step, one.step);
+    EXPECT_EQ(graph.read().pixels, settled.pixels) << one.what;
+    for (int frame = 0; frame < 4; ++frame) {
+      render(graph, scene.scene, one.time + frame * kStep, kStep);
+      EXPECT_EQ(graph.read().pixels, settled.pixels) << one.what << ", and goes on: nothing fades anew";
+      EXPECT_EQ(stats(graph)["counters"]["dispatches"], 1) << "the probe's own";
+    }
+  }
+}
+
 TEST(TextureSource, MoreWishesThanTheListHoldsMakeItGrowAndLoseNothingThatIsThere) {
   TextureScene scene(R"({"source": "terrain", "extent": 65536})");
   Graph graph(probe_graph("virtual", "params.spacing = \"2\"\nparams.window = 8\n"));
