@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <map>
 #include <numeric>
+#include <sstream>
 #include <tuple>
 #include <utility>
 
@@ -25,6 +26,8 @@ struct ElementSettings {
   double spacing = 0.25;  // metres between elements, at most
   double inset = 0.1;     // of the spacing: how far elements lie off the rims of smooth parts
 };
+/// Steps along a triangle's side, and texels along a tile's, at most: where that is too few, elements are further apart
+/// than was asked, and a remark says so.
 inline constexpr std::uint32_t kMostResolution = 128, kMostTexels = 1024;
 /// Elements that a bake makes at most: beyond it the spacing is doubled.
 inline constexpr std::uint64_t kMostElements = 4'000'000;
@@ -44,6 +47,7 @@ struct ElementSet {
   std::vector<std::uint8_t> is_answered;  // by value: an element asks for it
   std::vector<std::string> remarks;       // to be told
   double spacing = 0;                     // as it was used
+  double reached = 0;                     // metres between elements where they are furthest apart
 };
 
 namespace detail {
@@ -58,6 +62,7 @@ struct LocalElement {
 struct Layout {
   std::uint32_t kind = kNothing;
   std::uint32_t width = 0, height = 0, uv_set = 0, value_count = 0;
+  double reached = 0;  // between elements, at most; of texels in the mean
   std::vector<LocalElement> elements;
   std::vector<BakedTriangle> triangles;
   std::vector<std::uint32_t> lattice;
@@ -91,6 +96,7 @@ inline Layout make_lattice(const heddle_scene_mesh& mesh, double spacing) {
     // Powers of two: lattices that meet at an edge share every point of the coarser one.
     std::uint32_t resolution = 1;
     while (spacing > 0 && resolution < kMostResolution && longest > spacing * resolution) resolution *= 2;
+    if (std::isfinite(longest)) layout.reached = std::max(layout.reached, longest / resolution);
     const glm::dvec3 middle = (p[0] + p[1] + p[2]) / 3.0;
     BakedTriangle triangle;
     triangle.first_lattice = static_cast<std::uint32_t>(layout.lattice.size());
@@ -220,6 +226,7 @@ inline std::optional<Layout> make_texels(const heddle_scene_mesh& mesh, double s
   }
   if (!(uv_area > 0) || !(area > 0)) return {};
   const double side = std::clamp(std::ceil(std::sqrt(area / uv_area) / spacing), 4.0, double{kMostTexels});
+  layout.reached = std::sqrt(area / uv_area) / side;
   layout.width = layout.height = static_cast<std::uint32_t>(side);
   layout.value_count = layout.width * layout.height;
   constexpr std::uint32_t kFree = ~0U;
@@ -267,6 +274,29 @@ inline std::optional<Layout> make_texels(const heddle_scene_mesh& mesh, double s
     }
   }
   return layout;
+}
+
+/// Into the set: how far apart its elements are, and, where that is further than was asked, a remark.
+inline void tell_reached(ElementSet& set, std::span<const Layout> layouts, std::span<const double> scales) {
+  std::size_t widest = 0;
+  std::uint32_t too_wide = 0;
+  for (std::size_t m = 0; m < layouts.size(); ++m) {
+    const double reached = layouts[m].reached * scales[m];
+    // What divides and multiplies by the scale again may differ in its last bit.
+    if (set.spacing > 0 && reached > set.spacing * (1 + 1e-9)) ++too_wide;
+    if (reached <= set.reached) continue;
+    set.reached = reached;
+    widest = m;
+  }
+  if (too_wide == 0) return;
+  std::ostringstream text;
+  text << "elements of " << too_wide << " of " << layouts.size() << " meshes are further apart than " << set.spacing
+       << " m: up to " << set.reached << " m, on mesh " << widest << ", as ";
+  if (layouts[widest].kind == kTexels)
+    text << "its tile has at most " << kMostTexels << " texels a side: split the mesh";
+  else
+    text << "a side of a triangle has at most " << kMostResolution << " steps: split its largest triangles";
+  set.remarks.push_back(text.str() + ", or raise spacing");
 }
 
 inline double largest_scale(const glm::dmat4& m) {
@@ -337,6 +367,7 @@ inline ElementSet make_elements(const heddle::pass::Meshes& meshes, const Elemen
     set.remarks.push_back(std::to_string(total) + " elements are too many; they are " + std::to_string(set.spacing) +
                           " m apart instead");
   }
+  detail::tell_reached(set, layouts, scales);
   if (without_uvs > 0)
     set.remarks.push_back(std::to_string(without_uvs) +
                           " meshes have no texture coordinates of their own for every point: they get lattices");
@@ -385,6 +416,9 @@ inline ElementSet make_elements(const heddle::pass::Meshes& meshes, const Elemen
     }
     value_count += layout.value_count;
   }
+  if (set.elements.empty())
+    set.remarks.push_back(
+        "nothing was baked: the scene has no triangles on meshes that never bend; name a scene that has");
   set.baked.values.resize(value_count);
   set.is_answered.assign(value_count, 0);
   for (const Element& element : set.elements) set.is_answered[element.value] = 1;

@@ -399,6 +399,7 @@ class DepthMaps {
         {{"elements", static_cast<double>(set_.elements.size())},
          {"directions", static_cast<double>(views_.size())},
          {"spacing", set_.spacing},
+         {"reached", set_.reached},
          {"texel", 2.0 * half_size_ / host.integer("resolution")},
          {"closed", static_cast<double>(blind.closed)},
          {"without_side", static_cast<double>(blind.without_side)},

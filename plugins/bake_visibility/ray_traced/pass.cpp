@@ -231,6 +231,7 @@ class RayTraced {
                                                {{"elements", static_cast<double>(set_.elements.size())},
                                                 {"directions", static_cast<double>(directions_.size())},
                                                 {"spacing", set_.spacing},
+                                                {"reached", set_.reached},
                                                 {"closed", static_cast<double>(blind.closed)},
                                                 {"without_side", static_cast<double>(blind.without_side)}});
     occluders_.reset();

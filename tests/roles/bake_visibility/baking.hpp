@@ -42,7 +42,8 @@ inline const bool kHasCache = [] {
 struct Result {
   Baked baked;
   std::vector<std::byte> bytes;
-  Json report;  // the values of the last row
+  Json report;          // the values of the last row
+  std::string remarks;  // the messages of those before it that are warnings, a line each
   std::string origin;
 };
 
@@ -61,6 +62,8 @@ inline Result bake(Scene& scene, const std::string& technique, std::vector<std::
   const Json told = Json::parse(text);
   result.origin = told["artifacts"][0]["origin"];
   result.report = told["reports"][0]["rows"].back()["values"];
+  for (const Json& row : told["reports"][0]["rows"])
+    if (row["level"] == "warning") result.remarks += row["message"].get<std::string>() + "\n";
   const void* data = nullptr;
   std::uint64_t size = 0;
   check(heddle_job_artifact(graph.handle, "bake.occlusion", &data, &size));

@@ -169,6 +169,29 @@ TEST_P(BakeVisibilityHardCases, H7TheSameBakeTwiceGivesTheSameBytes) {
   EXPECT_EQ(once.bytes, again.bytes);
 }
 
+TEST_P(BakeVisibilityHardCases, SayWhereTheirSpacingIsNotKept) {
+  Scene scene;
+  scene.add_floor(dvec3(0), 1);  // 2 m a side, so that diagonals are sqrt(8) m
+  scene.add_mesh({0, 5, 0, 300, 5, 0, 0, 5, 400}, {0, -1, 0, 0, -1, 0, 0, -1, 0}, {0, 1, 2}, dmat4(1.0));
+  const Result kept = run(scene, {"spacing=4", "directions=1"});
+  EXPECT_EQ(kept.report["reached"], 500.0 / 128) << "powers of two";
+  EXPECT_EQ(kept.remarks, "");
+  const Result wide = run(scene, {"spacing=0.5", "directions=1"});
+  EXPECT_EQ(wide.report["spacing"], 0.5);
+  EXPECT_EQ(wide.report["reached"], 500.0 / 128);
+  EXPECT_EQ(
+      wide.remarks,
+      "elements of 1 of 2 meshes are further apart than 0.5 m: up to 3.90625 m, on mesh 1, as a side of a triangle "
+      "has at most 128 steps: split its largest triangles, or raise spacing\n");
+}
+
+TEST_P(BakeVisibilityHardCases, SayThatNothingWasBaked) {
+  Scene scene;
+  const Result result = run(scene, {"directions=1"});
+  EXPECT_EQ(result.report["elements"], 0);
+  EXPECT_EQ(result.remarks.rfind("nothing was baked", 0), 0U) << result.remarks;
+}
+
 TEST_P(BakeVisibilityHardCases, HaveTheParametersThatTheirReadmesSay) {
   const char* text = nullptr;
   check(heddle_list(rendering::Host::get().handle, &text));

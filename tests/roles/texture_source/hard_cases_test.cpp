@@ -489,16 +489,15 @@ TEST(TextureSource, IsSettledWhereTimeRestsAndWhereItWentBack) {
     int frames;
   };
   // The first frame at rest shows all that is there; time that jumped back and goes on fades as it would have.
-  for (const Case& one : {Case{"rests", 10.25, 0, 1}, Case{"runs back", 10.2, -kStep, 1},
-                          Case{"went back, and goes on", 1, kStep, 20}}) {
+  for (const Case& one :
+       {Case{"rests", 10.25, 0, 1}, Case{"runs back", 10.2, -kStep, 1}, Case{"went back, and goes on", 1, kStep, 20}}) {
     Graph graph(probe_graph("virtual", parameters + "0.25\n"));
     look(graph, far);
     settle(graph, scene.scene);
     look(graph, near);
     for (int frame = 0; frame < 12; ++frame) render(graph, scene.scene, 10 + frame * kStep, kStep);
     EXPECT_GT(largest_change(graph.read(), settled), 0) << one.what << ": half-faded at first";
-    for (int frame = 0; frame < one.frames; ++frame)
-      render(graph, scene.scene, one.time + frame * one.step, one.step);
+    for (int frame = 0; frame < one.frames; ++frame) render(graph, scene.scene, one.time + frame * one.step, one.step);
     EXPECT_EQ(graph.read().pixels, settled.pixels) << one.what;
     for (int frame = 0; frame < 4; ++frame) {
       render(graph, scene.scene, one.time + frame * kStep, kStep);
