@@ -99,3 +99,10 @@ def test_numbers_of_another_unit_are_warned_of(tmp_path):
                     "  found:    inputs.depth = \"gbuffer.normal\"\n"
                     "  expected: a port in m\n"
                     "  help:     'gbuffer.depth' is one"]
+
+
+def test_without_a_scene_an_artifact_is_not_there_yet(command):
+    done = explain(command, "baked_ao")
+    assert done.returncode == 0
+    assert "input 'occlusion' is not there yet: the job that makes it has not run" in done.stdout.splitlines()[0]
+    assert "is no baked visibility" not in done.stdout

@@ -54,8 +54,14 @@ constexpr heddle_shader kShaders[] = {[] {
 class BakedOcclusion {
  public:
   heddle_status declare(const PassHost& host) {
+    const std::span<const std::byte> bytes_there = host.artifact<std::byte>("occlusion");
+    // Whatever a job has made has a head at least.
+    if (bytes_there.empty())
+      return host.fail(HEDDLE_BAD_INPUT,
+                       "input 'occlusion' is not there yet: the job that makes it has not run, as it runs for a scene; "
+                       "name one");
     std::string problem;
-    const std::optional<Baked> read = from_bytes(host.artifact<std::byte>("occlusion"), problem);
+    const std::optional<Baked> read = from_bytes(bytes_there, problem);
     if (!read)
       return host.fail(HEDDLE_BAD_INPUT, "input 'occlusion' is no baked visibility: " + problem +
                                              "; bind it to the output of a job's pass of role bake_visibility");
