@@ -352,7 +352,8 @@ namespace {
 
 heddle::graph::WrittenGraph write_again(const heddle_graph& graph) {
   heddle::graph::WrittenGraph written = graph.read();
-  for (const std::string& setting : graph.settings) heddle::graph::apply_setting(written, setting);
+  for (const std::string& setting : graph.settings)
+    heddle::graph::apply_setting(written, setting, own_folder() / "graphs");
   heddle::graph::read_jobs(written, own_folder() / "graphs");
   return written;
 }
@@ -428,7 +429,7 @@ heddle_status heddle_graph_keep(heddle_graph* graph, const char* port) {
 heddle_status heddle_graph_set(heddle_graph* graph, const char* setting) {
   return guarded(graph->host->error, [&] {
     heddle::graph::WrittenGraph written = graph->written;
-    heddle::graph::apply_setting(written, setting);
+    heddle::graph::apply_setting(written, setting, own_folder() / "graphs");
     heddle::graph::read_jobs(written, own_folder() / "graphs");
     const heddle::graph::ResolvedGraph resolved = heddle::graph::resolve(written, *graph->host->registry);
     const std::string_view key = std::string_view(setting).substr(0, std::string_view(setting).find('=') + 1);

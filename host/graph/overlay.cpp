@@ -195,7 +195,7 @@ struct Step {
 };
 
 void read_jobs_of(WrittenGraph& graph, const fs::path& shipped, std::vector<Step>& chain);
-void apply_setting(WrittenGraph& graph, std::string_view setting, std::size_t start);
+void apply_setting(WrittenGraph& graph, std::string_view setting, std::size_t start, const fs::path& shipped);
 
 WrittenGraph read_job(const GraphPlace& place, const fs::path& shipped, const Location& where,
                       std::span<const JobSetting> settings, std::vector<Step>& chain) {
@@ -225,7 +225,7 @@ WrittenGraph read_job(const GraphPlace& place, const fs::path& shipped, const Lo
                                              "kind = \"job\" in that file",
                                              {}});
   }
-  for (const JobSetting& setting : settings) apply_setting(job, setting.text, setting.begin);
+  for (const JobSetting& setting : settings) apply_setting(job, setting.text, setting.begin, shipped);
   chain.push_back({canonical, {}, {}});
   read_jobs_of(job, shipped, chain);
   chain.pop_back();
@@ -267,8 +267,22 @@ void read_jobs_of(WrittenGraph& graph, const fs::path& shipped, std::vector<Step
   problems.throw_if_any();
 }
 
+/// The setting as it would be if one of the jobs that inputs name has the pass; empty if none has.
+std::string setting_of_a_job(const WrittenGraph& graph, std::string_view pass, std::string_view setting,
+                             std::size_t start, const fs::path& shipped) {
+  WrittenGraph read = graph;
+  try {
+    read_jobs(read, shipped);
+  } catch (const Error&) {  // of a job that cannot be read others tell; those before it are there
+  }
+  for (const auto& [name, job] : read.jobs)
+    if (std::ranges::any_of(job->passes, [&](const WrittenPass& its) { return text_of(its.name) == pass; }))
+      return fmt::format("{}{}#{}", setting.substr(0, start), name, setting.substr(start));
+  return {};
+}
+
 /// The setting from its byte `start` on; what is before it names a job.
-void apply_setting(WrittenGraph& graph, std::string_view setting, std::size_t start) {
+void apply_setting(WrittenGraph& graph, std::string_view setting, std::size_t start, const fs::path& shipped) {
   constexpr std::string_view kForm =
       "PASS.technique=NAME, PASS.params.NAME=VALUE, params.NAME=VALUE, extent=[W,H], output=PASS.PORT, or "
       "JOB.toml#SETTING";
@@ -319,8 +333,11 @@ void apply_setting(WrittenGraph& graph, std::string_view setting, std::size_t st
   } else if (pass == graph.passes.end()) {
     std::vector<std::string> names = names_of(graph.passes);
     for (const char* key : {"extent", "output", "params", "joins"}) names.emplace_back(key);
-    problems.add(path.front().where, fmt::format("the graph has no pass '{}'", first), std::string(setting),
-                 "one of " + join_names(names), did_you_mean(first, names));
+    const std::string of_a_job = setting_of_a_job(graph, first, setting, start, shipped);
+    problems.add(
+        path.front().where, fmt::format("the graph has no pass '{}'", first), std::string(setting),
+        "one of " + join_names(names),
+        of_a_job.empty() ? did_you_mean(first, names) : fmt::format("a job that the graph names has it: {}", of_a_job));
   } else if (path.size() == 1) {
     problems.add(path.front().where, fmt::format("pass '{}': the setting says no key", first), std::string(setting),
                  std::string(kForm));
@@ -419,8 +436,8 @@ WrittenGraph overlay(WrittenGraph base, WrittenGraph over) {
   return base;
 }
 
-void apply_setting(WrittenGraph& graph, std::string_view setting) {
-  apply_setting(graph, setting, 0);
+void apply_setting(WrittenGraph& graph, std::string_view setting, const fs::path& shipped) {
+  apply_setting(graph, setting, 0, shipped);
 }
 
 }  // namespace heddle::graph

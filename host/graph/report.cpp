@@ -14,6 +14,8 @@ constexpr std::array<std::string_view, 3> kLevels{"error", "warning", "info"};  
 Json number_json(double number) {
   if (std::isnan(number)) return "nan";
   if (std::isinf(number)) return number > 0 ? "inf" : "-inf";
+  // Counts are counts: 2442, not 2442.0. Beyond 2^53 a double does not tell whole numbers apart.
+  if (std::trunc(number) == number && std::abs(number) <= 0x1p53) return static_cast<std::int64_t>(number);
   return number;
 }
 

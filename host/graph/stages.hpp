@@ -94,7 +94,8 @@ WrittenGraph overlay(WrittenGraph base, WrittenGraph over);
 /// Applies "ao.technique=gtao", "ao.params.radius=1", "ao.inputs.depth=x.y", "extent=[640,360]", "output=a.b",
 /// "params.NAME=..."; the place of such a value is file "--set", line 1, column in the setting. "links.toml#SETTING" is
 /// one of the job that inputs name "links.toml#...": read_jobs, which is to follow, reads that job anew and applies it.
-void apply_setting(WrittenGraph& graph, std::string_view setting);
+/// Opens files, those of jobs, only to help where a setting is wrong.
+void apply_setting(WrittenGraph& graph, std::string_view setting, const std::filesystem::path& shipped = {});
 
 // ---- resolve: names -> descriptors and resources --------------------------------------------------------------------
 

@@ -558,7 +558,16 @@ TEST_F(Jobs, TakeSettingsThroughTheGraphThatNamesThem) {
   EXPECT_EQ(heddle_graph_set(host.graph, "links.toml#count.params.frist=1"), HEDDLE_BAD_INPUT);
   EXPECT_THAT(host.error(), HasSubstr("--set:1:25: error: pass 'count': technique 'job_probe/count' has no parameter "
                                       "'frist'"));
+  EXPECT_EQ(heddle_graph_set(host.graph, "count.params.first=1"), HEDDLE_BAD_INPUT);
+  EXPECT_THAT(host.error(), HasSubstr("has no pass 'count'\n  found:    count.params.first=1\n  expected: one of show, "
+                                      "extent, output, params, joins\n  help:     a job that the graph names has it: "
+                                      "links.toml#count.params.first=1"));
   EXPECT_EQ(host.render(), plain) << "on an error the graph is as it was";
+  Host other(cache_);  // at its first reading jobs are not read yet
+  const char* setting = "count.params.first=1";
+  EXPECT_EQ(heddle_graph_load(other.handle, (folder_ / "frames.toml").c_str(), &setting, 1, &other.graph),
+            HEDDLE_BAD_INPUT);
+  EXPECT_THAT(other.error(), HasSubstr("help:     a job that the graph names has it: links.toml#count.params.first=1"));
 }
 
 TEST_F(Jobs, StayWithTheirInputsWhenAReloadFails) {
