@@ -631,7 +631,7 @@ def test_a_gate_is_for_what_is_worse(verdicts, states, status):
 
 
 @pytest.mark.parametrize(("words", "status", "said"), [
-    (["--gtae"], 2, "unrecognized arguments: --gtae"), (["--gate", "--rounds", "x"], 4, "invalid int value"),
+    (["--gtae"], 2, "unrecognized arguments: --gtae"), (["--gate", "--rounds", "x"], 4, "'x' is no whole number"),
     (["--gate", "--rounds", "3"], 4, "error: --rounds 3"), (["--rounds", "3"], 2, "error: --rounds 3"),
     (["--folder", "/proc/nope"], 4, "error: the folder '/proc/nope' for the results cannot be made"),
     (["--gate", "--folder", "/proc/nope"], 4, "error: the folder '/proc/nope'")])
