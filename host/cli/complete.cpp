@@ -149,7 +149,7 @@ class Completer {
           if (is_output(port)) add_start(port["name"].get<std::string>() + "=", "write this port");
     } else if (option == "swap") {
       swap();
-    } else if (option == "b") {
+    } else if (option == "b" || option == "graph") {
       for (const std::string& graph : shipped_graphs()) add(graph, "graph");
       files_ = true;
     } else if (option == "format") {

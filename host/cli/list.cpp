@@ -3,6 +3,7 @@
 
 #include "cli/role_page.hpp"
 #include "cli/session.hpp"
+#include "diagnostics.hpp"
 #include "json.hpp"
 
 #include <fmt/format.h>
@@ -92,8 +93,11 @@ int list(const ListArguments& arguments) {
   if (!is_known) {
     std::vector<std::string> names;
     for (const Json& role : list["roles"]) names.push_back(role["name"].get<std::string>());
-    throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: there is no role '{}'\n  expected: one of {}", only_role,
-                                                fmt::join(names, ", "))};
+    const std::string nearest = nearest_name(only_role, names);
+    throw Failure{
+        HEDDLE_BAD_INPUT,
+        fmt::format("error: there is no role '{}'\n  expected: one of {}{}", only_role, fmt::join(names, ", "),
+                    nearest.empty() ? "" : "\n  help:     did you mean '" + nearest + "'?")};
   }
   return HEDDLE_OK;
 }

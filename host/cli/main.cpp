@@ -5,6 +5,7 @@
 #include "cli/new_technique.hpp"
 #include "cli/session.hpp"
 #include "cli/stop.hpp"
+#include "diagnostics.hpp"
 
 #include <fmt/format.h>
 
@@ -13,6 +14,26 @@
 #include <array>
 #include <cstdio>
 #include <exception>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace {
+
+/// CLI11 says of a wrong command that some command is required, and not which one it was near to.
+void check_command(const CLI::App& app, std::string_view word) {
+  std::vector<std::string> names;
+  for (const CLI::App* command : app.get_subcommands([](const CLI::App*) { return true; }))
+    names.push_back(command->get_name());
+  if (word.starts_with('-') || std::ranges::find(names, word) != names.end()) return;
+  const std::string nearest = heddle::nearest_name(word, names);
+  throw heddle::cli::Failure{
+      HEDDLE_BAD_INPUT,
+      fmt::format("error: there is no command '{}'\n  expected: one of {}{}", word, heddle::join_names(names),
+                  nearest.empty() ? "" : "\n  help:     did you mean '" + nearest + "'?")};
+}
+
+}  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{
@@ -57,6 +78,7 @@ int main(int argc, char** argv) {
       heddle::cli::complete(app, {argv + 2, argv + argc});
       return HEDDLE_OK;
     }
+    if (argc > 1) check_command(app, argv[1]);
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return error.get_exit_code() == 0 ? app.exit(error) : (app.exit(error), HEDDLE_BAD_INPUT);

@@ -15,6 +15,7 @@ void add_study(CLI::App& app) {
   // Never reached: main hands the command over before it parses.
   command->add_option("file", "a study (.toml), or the name of a shipped one; with --role: scenes")->expected(0, -1);
   command->add_option("--role", "study all techniques of this role over all their knobs, without a file");
+  command->add_option("--graph", "with --role: in this graph (default: the first shipped one with a pass of the role)");
   command->add_option("--set", "with --role: change the graph: extent=[320,180]")->take_all()->allow_extra_args(false);
   command->add_option("--climb", "with --role: a technique's ladders together, or each on its own (default: together)");
   command->add_option("--scene", "instead of the file's scenes: a model of your own, for instance; repeatable")

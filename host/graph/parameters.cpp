@@ -106,11 +106,14 @@ Complaint read_value(const Parameter& parameter, const Written& value, Parameter
       return {};
     }
     case ParameterType::kChoice: {
-      const auto* word = std::get_if<std::string>(&value.value);
-      if (word == nullptr) return wrong_type(parameter, value);
-      const auto found = std::ranges::find(parameter.choices, *word);
+      // Choices may be numerals, and a setting's `spacing=4` is a number: it is meant where it is a choice to the
+      // letter.
+      const auto* text = std::get_if<std::string>(&value.value);
+      const std::string word = text != nullptr ? *text : number_of(value) ? to_toml(value) : std::string();
+      const auto found = std::ranges::find(parameter.choices, word);
+      if (text == nullptr && found == parameter.choices.end()) return wrong_type(parameter, value);
       if (found == parameter.choices.end())
-        return {fmt::format("has no choice '{}'", *word), type_text(parameter), did_you_mean(*word, parameter.choices)};
+        return {fmt::format("has no choice '{}'", word), type_text(parameter), did_you_mean(word, parameter.choices)};
       out.number[0] = static_cast<double>(found - parameter.choices.begin());
       return {};
     }

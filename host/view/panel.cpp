@@ -65,6 +65,10 @@ std::string help_of(const Json& parameter) {
 
 }  // namespace
 
+std::string cost_text(const Cost& cost) {
+  return fmt::format("{}: {} ms", value_text(cost.value), ms_text(cost.ms.value));
+}
+
 Variant Window::edited() const {
   return report_.variants[edited_].is_there ? edited_ : 0;
 }
@@ -382,7 +386,7 @@ void Window::cost_cell(const Json& pass, const Json& parameter, const Json& valu
     break;
   }
   tip(table);
-  // The steps' medians beside the slider, as bars under each other.
+  // The steps' medians as bars under each other; intervals lie below the numbers, which they must not strike through.
   double most = 0;
   for (const Cost& cost : costs.steps) most = std::max(most, cost.ms.high);
   if (most <= 0) return;
@@ -395,9 +399,12 @@ void Window::cost_cell(const Json& pass, const Json& parameter, const Json& valu
     ImDrawList* list = ImGui::GetWindowDrawList();
     const ImU32 color = is_here ? IM_COL32(255, 200, 90, 110) : IM_COL32(110, 140, 190, is_present ? 90 : 40);
     list->AddRectFilled({at.x, at.y}, {part(cost.ms.value), at.y + height - 1}, color);
-    list->AddLine({part(cost.ms.low), at.y + height / 2}, {part(cost.ms.high), at.y + height / 2},
-                  IM_COL32(255, 255, 255, 130));
-    ImGui::Text("%s: %s", value_text(cost.value).c_str(), ms_text(cost.ms.value).c_str());
+    const ImVec2 low{part(cost.ms.low), at.y + height}, high{part(cost.ms.high), at.y + height + 2};
+    list->AddRectFilled(low, high, IM_COL32(255, 255, 255, 170));
+    ImGui::TextUnformatted(cost_text(cost).c_str());
+    const std::string step = key + "/cost " + value_text(cost.value);
+    mark(step);
+    mark(step + "/interval", low, high);
   }
 }
 

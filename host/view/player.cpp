@@ -264,8 +264,11 @@ void Window::tell_state() {
     for (const auto& [key, costs] : variant.costs) {
       one["costs"][key] = Json::array();
       for (const Cost& cost : costs.steps)
-        one["costs"][key].push_back(
-            {{"value", cost.value}, {"median_ms", cost.ms.value}, {"low_ms", cost.ms.low}, {"high_ms", cost.ms.high}});
+        one["costs"][key].push_back({{"value", cost.value},
+                                     {"median_ms", cost.ms.value},
+                                     {"low_ms", cost.ms.low},
+                                     {"high_ms", cost.ms.high},
+                                     {"shown", cost.error.empty() ? cost_text(cost) : cost.error}});
     }
     json["variants"].push_back(std::move(one));
   }

@@ -169,4 +169,7 @@ class Window {
   std::string scroll_to_;  // a widget that a script looks for
 };
 
+/// What stands beside the bar of a knob's step: the step and its time with the unit.
+std::string cost_text(const Cost& cost);
+
 }  // namespace heddle::view

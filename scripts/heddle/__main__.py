@@ -19,6 +19,7 @@ import threading
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from time import sleep, time_ns
+from typing import NoReturn
 
 from . import Error, Graph, Host, Job, Scene, version
 from . import compare as heddle_compare
@@ -520,7 +521,7 @@ def check(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
     graph_file = graph_file or default_graph(arguments)
     with open_host(arguments, True) as host:
-        with host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
+        with host._weave(graph_file, arguments.set) as graph, host.scene() as scene:
             for port in arguments.port:
                 graph.keep(port)
             load_all(host, scene, scene_file, arguments)(scene, arguments.time)
@@ -550,11 +551,13 @@ def check_text(report: dict) -> str:
 def explain(arguments: argparse.Namespace) -> int:
     graph_file, scene_file = sort_files(arguments.files, arguments.scene)
     graph_file = graph_file or default_graph(arguments)
-    with open_host(arguments) as host, host.graph(graph_file, arguments.set) as graph, host.scene() as scene:
-        load_all(host, scene, scene_file, arguments)(scene, arguments.time)
-        use_camera(scene, arguments.camera)
-        use_animation(scene, arguments)
-        graph.render(scene, time=arguments.time, seed=arguments.seed)
+    with open_host(arguments) as host, host._weave(graph_file, arguments.set) as graph:
+        if isinstance(graph, Graph):  # a job may take its time: it is explained as it would run if nothing were there
+            with host.scene() as scene:
+                load_all(host, scene, scene_file, arguments)(scene, arguments.time)
+                use_camera(scene, arguments.camera)
+                use_animation(scene, arguments)
+                graph.render(scene, time=arguments.time, seed=arguments.seed)
         print(graph.explain(arguments.format, arguments.why))
     return 0
 
@@ -663,8 +666,51 @@ def say(arguments: argparse.Namespace, text: str) -> None:
         print(text, file=sys.stderr)
 
 
+def number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number") from error
+
+
+def whole(text: str) -> int:
+    try:
+        return int(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number") from error
+
+
+MOST_FRAMES = 1_000_000  # as the command has it for other scenes
+
+
+def frame_count(text: str) -> int:
+    count = whole(text)
+    if not 1 <= count <= MOST_FRAMES:
+        raise argparse.ArgumentTypeError(f"{count} is no number of frames: expected 1 to {MOST_FRAMES}")
+    return count
+
+
+def joined(words: list[str]) -> list[str]:
+    """The same, with --budget=-4ms for --budget -4ms: argparse would take the value for an option, and say that none was
+    given."""
+    found: list[str] = []
+    for word in words:
+        if found and found[-1] == "--budget" and re.match(r"-[\d.]", word):
+            found[-1] += f"={word}"
+        else:
+            found.append(word)
+    return found
+
+
+class Parser(argparse.ArgumentParser):
+    """Says what is wrong in a line, as all other errors are said, and not how the command is used."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"error: {message.removeprefix('argument ')}\n  help:     {self.prog} --help\n")
+
+
 def main() -> int:
-    parser = argparse.ArgumentParser(prog="heddle", description=__doc__.splitlines()[0], allow_abbrev=False)
+    parser = Parser(prog="heddle", description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--version", action="version", version=f"heddle {version()}")
     commands = parser.add_subparsers(dest="command", required=True)
     for name, body, text in (("run", run, "render a scene through a graph and write images"),
@@ -682,21 +728,21 @@ def main() -> int:
         command.add_argument("--camera", help="name or number of a camera")
         command.add_argument("--environment", help="equirectangular image that lights the scene; without a graph: the "
                                                    "graph 'environment'")
-        command.add_argument("--environment-scale", type=float, help="cd/m^2 of the image's 1 (default: 1)")
-        command.add_argument("--environment-rotation", type=float, help="radians about the vertical axis (default: 0)")
+        command.add_argument("--environment-scale", type=number, help="cd/m^2 of the image's 1 (default: 1)")
+        command.add_argument("--environment-rotation", type=number, help="radians about the vertical axis (default: 0)")
         command.add_argument("--set", action="append", default=[], help="change the graph: ao.technique=gtao")
         command.add_argument("--device", help="part of a device's name, or its index")
         command.add_argument("--plugins", help="folders with plugins, separated by ':'")
         command.add_argument("--validation", action="store_true")
-        command.add_argument("--time", type=float, default=0.0, help="scene time of the first frame, seconds")
+        command.add_argument("--time", type=number, default=0.0, help="scene time of the first frame, seconds")
         command.add_argument("--animation", help="name or number of the animation to play, or none")
         command.add_argument("--loop", action="store_true", help="begin the animation again after its end")
-        command.add_argument("--seed", type=int, default=0)
+        command.add_argument("--seed", type=whole, default=0)
         command.add_argument("--quiet", "-q", action="store_true")
         if name == "run":
             command.add_argument("--output", "-o", action="append", help="FILE, or PASS.PORT=FILE, for each frame if it has %%04d (default: heddle.png)")
-            command.add_argument("--frames", type=int, default=1)
-            command.add_argument("--time-step", type=float, default=1 / 60, help="seconds from frame to frame")
+            command.add_argument("--frames", type=frame_count, default=1)
+            command.add_argument("--time-step", type=number, default=1 / 60, help="seconds from frame to frame")
             command.add_argument("--stats", help="write counters, memory and times as JSON; - for standard output")
             command.add_argument("--profile", action="store_true")
             command.add_argument("--watch", action="store_true",
@@ -711,7 +757,7 @@ def main() -> int:
             command.add_argument("--b", help="show this graph against the first")
             command.add_argument("--set-b", action="append", default=[],
                                  help="show the graph against itself with this setting, as of --set")
-            command.add_argument("--time-step", type=float, default=1 / 60, help="seconds from frame to frame, while it plays")
+            command.add_argument("--time-step", type=number, default=1 / 60, help="seconds from frame to frame, while it plays")
             command.add_argument("--window", help="WIDTHxHEIGHT in pixels (default: the picture in its own size, beside the panel)")
             command.add_argument("--script", help="file with what mouse and keys do, a command a line: wait, pause, click, "
                                                   "slide, type, key, drag, screenshot, state, quit")
@@ -719,7 +765,7 @@ def main() -> int:
                                  help="wait for no frame before the next one; bytes may differ from run to run")
         elif name == "check":
             command.add_argument("--port", action="append", default=[], help="compare this port too, PASS.PORT")
-            command.add_argument("--frames", type=int, default=3)
+            command.add_argument("--frames", type=frame_count, default=3)
             command.add_argument("--json", action="store_true", help="print what was done as JSON")
         elif name == "explain":
             command.add_argument("--format", choices=("text", "json", "dot"), default="text")
@@ -727,19 +773,20 @@ def main() -> int:
             command.add_argument("--live", action="store_true", help="as heddle run --live does it")
         elif name == "inspect":
             command.add_argument("--port", action="append", default=[], help="PASS.PORT: run this pass too")
-            command.add_argument("--frames", type=int, default=1)
-            command.add_argument("--time-step", type=float, default=1 / 60, help="seconds from frame to frame")
+            command.add_argument("--frames", type=frame_count, default=1)
+            command.add_argument("--time-step", type=number, default=1 / 60, help="seconds from frame to frame")
             command.add_argument("--json", action="store_true")
         else:
             command.add_argument("--swap", required=True, help="PASS=A,B; B is the reference")
             command.add_argument("--port", help="compare this port, PASS.PORT, not the output")
             command.add_argument("--metric", action="append", default=[], help="only this one, repeatable")
             command.add_argument("--folder", default="out")
-            command.add_argument("--repeats", type=int, default=3)
+            command.add_argument("--repeats", type=whole, default=3)
     command = commands.add_parser("study", allow_abbrev=False, help="measure error and time of techniques over their knobs")
     command.set_defaults(body=study)
     command.add_argument("files", nargs="*", help="a study (.toml), or the name of a shipped one; with --role: scenes")
     command.add_argument("--role", help="study all techniques of this role over all their knobs, without a file")
+    command.add_argument("--graph", help="with --role: in this graph (default: the first shipped one with a pass of the role)")
     command.add_argument("--set", action="append", default=[], help="with --role: change the graph: extent=[320,180]")
     command.add_argument("--climb", choices=("together", "each"), default="together",
                          help="with --role: a technique's ladders together, or each on its own (default: together)")
@@ -747,12 +794,12 @@ def main() -> int:
                                                                       "for instance; repeatable")
     command.add_argument("--folder", help="where results go (default: out/NAME of the study)")
     command.add_argument("--device", help="part of a device's name, or its index")
-    command.add_argument("--rounds", type=int, help="instead of the file's: more rounds see smaller differences")
-    command.add_argument("--budget", type=float, help="minutes; a study that would take longer says so and ends before it "
+    command.add_argument("--rounds", type=whole, help="instead of the file's: more rounds see smaller differences")
+    command.add_argument("--budget", type=number, help="minutes; a study that would take longer says so and ends before it "
                                                       "times anything")
     command.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, whose workers do the work; local: workers "
                                                               "of this machine alone")
-    command.add_argument("--timeout", type=float, default=300, help="seconds after which a variant that does not answer "
+    command.add_argument("--timeout", type=number, default=300, help="seconds after which a variant that does not answer "
                                                                     "counts as hung")
     command.add_argument("--dry-run", action="store_true", help="check the file, say what would be measured, render nothing")
     command.add_argument("--gate", action="store_true", help="exit status 1 if anything is worse than the first variant or was "
@@ -773,19 +820,19 @@ def main() -> int:
     command.add_argument("--set", action="append", default=[], help="change the graph, and what is written: extent=[320,180]")
     command.add_argument("--reference-set", action="append", default=[], help="change what is taken for true: "
                                                                               "ao.technique=ray_traced")
-    command.add_argument("--parts", type=int, default=1, help="renderings of what is true, with seeds of their own (default: 1)")
+    command.add_argument("--parts", type=whole, default=1, help="renderings of what is true, with seeds of their own (default: 1)")
     command.add_argument("--overlay", action="append", default=[], help="a .scene.toml with changes to the scene")
     command.add_argument("--camera", action="append", default=[], help="choose in this camera; repeatable (default: the scene's)")
-    command.add_argument("--time", type=float, action="append", default=[], help="choose at this time, seconds; repeatable")
+    command.add_argument("--time", type=number, action="append", default=[], help="choose at this time, seconds; repeatable")
     command.add_argument("--check-camera", action="append", default=[], help="check in this camera; repeatable (default: all others)")
-    command.add_argument("--check-time", type=float, action="append", default=[], help="check at this time, seconds; repeatable")
+    command.add_argument("--check-time", type=number, action="append", default=[], help="check at this time, seconds; repeatable")
     command.add_argument("--output", "-o", help="the graph that is written (default: FOLDER/tuned.toml)")
     command.add_argument("--folder", help="where measurements are kept (default: out/tune)")
-    command.add_argument("--rounds", type=int, default=9, help="of turns; more see smaller differences (default: 9)")
-    command.add_argument("--frames", type=int, default=2, help="timed in a turn (default: 2)")
-    command.add_argument("--settle", type=int, default=1, help="frames before an image is read (default: 1)")
-    command.add_argument("--minutes", type=float, default=30, help="what would take longer says so and ends (default: 30)")
-    command.add_argument("--timeout", type=float, default=300, help="seconds after which a process that does not answer is hung")
+    command.add_argument("--rounds", type=whole, default=9, help="of turns; more see smaller differences (default: 9)")
+    command.add_argument("--frames", type=frame_count, default=2, help="timed in a turn (default: 2)")
+    command.add_argument("--settle", type=whole, default=1, help="frames before an image is read (default: 1)")
+    command.add_argument("--minutes", type=number, default=30, help="what would take longer says so and ends (default: 30)")
+    command.add_argument("--timeout", type=number, default=300, help="seconds after which a process that does not answer is hung")
     command.add_argument("--device", help="part of a device's name, or its index")
     command.add_argument("--dry-run", action="store_true", help="say which settings would be measured")
     command.add_argument("--quiet", "-q", action="store_true")
@@ -797,9 +844,9 @@ def main() -> int:
     command.add_argument("files", nargs="*", help="ROLE or ROLE/TECHNIQUE (default: all)")
     command.add_argument("--folder", help="where baselines are kept, a folder a machine and driver (default: tests/baselines of "
                                           "the repository, else baselines)")
-    command.add_argument("--tolerance", type=float, default=0.0, help="relative difference of errors that is none (default: 0, "
+    command.add_argument("--tolerance", type=number, default=0.0, help="relative difference of errors that is none (default: 0, "
                                                                       "equal bytes make equal errors)")
-    command.add_argument("--timeout", type=float, default=300, help="seconds after which a process that does not answer is hung")
+    command.add_argument("--timeout", type=number, default=300, help="seconds after which a process that does not answer is hung")
     command.add_argument("--device", help="part of a device's name, or its index")
     command.add_argument("--quiet", "-q", action="store_true")
     command = commands.add_parser("reproduce", allow_abbrev=False, help="make a point of a study's report again, and say whether it "
@@ -810,14 +857,14 @@ def main() -> int:
                                                 "scene's")
     command.add_argument("--output", "-o", help="write the image, too")
     command.add_argument("--no-times", action="store_true", help="compare the image alone")
-    command.add_argument("--rounds", type=int, help="instead of the study's: more rounds see smaller differences")
+    command.add_argument("--rounds", type=whole, help="instead of the study's: more rounds see smaller differences")
     command.add_argument("--device", help="part of a device's name, or its index; else the study's")
-    command.add_argument("--timeout", type=float, default=300, help="seconds after which a renderer that does not answer counts "
+    command.add_argument("--timeout", type=number, default=300, help="seconds after which a renderer that does not answer counts "
                                                                     "as hung")
     command.add_argument("--quiet", "-q", action="store_true")
     # Files and pixels may stand behind options too, where argparse leaves them over.
     try:
-        arguments, words = parser.parse_known_args()
+        arguments, words = parser.parse_known_args(joined(sys.argv[1:]))
         if unknown := [word for word in words if word.startswith("-")]:
             parser.error(f"unrecognized arguments: {' '.join(unknown)}")
     except SystemExit as ended:

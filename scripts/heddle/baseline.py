@@ -32,7 +32,7 @@ EXTENT = (64, 36)  # enough for every pass's edges, tiles and maps; a picture co
 SETTLE = 3  # frames, the first after a cut, for techniques with a past
 METRICS = ("rmse", "mean_difference", "maximum")
 # The first in which a pass runs counts; others follow in the order of their names.
-FIRST_GRAPH, FIRST_SCENE = "deferred", "cornell_box.py"
+FIRST_SCENE = "cornell_box.py"
 SCENE_ORDER = ("subdivision.py", "material_grid.py", "wires_and_grass.py", "street.py", "atrium.py")
 
 
@@ -40,16 +40,9 @@ SCENE_ORDER = ("subdivision.py", "material_grid.py", "wires_and_grass.py", "stre
 
 def graphs_with(host: Host) -> dict[str, list[tuple[str, str]]]:
     """{role: (shipped graph, pass of it)}, of graphs of frames."""
-    folder = pathlib.Path(__file__).resolve().parents[1] / "graphs"
-    names = sorted(each.stem for each in folder.glob("*.toml"))
     found: dict[str, list[tuple[str, str]]] = {}
-    for name in sorted(names, key=lambda each: each != FIRST_GRAPH):
-        try:
-            with host.graph(name, [extent()]) as graph:
-                for each in graph.describe()["passes"]:
-                    found.setdefault(each["role"], []).append((name, each["name"]))
-        except Error:  # a job, or a graph that this machine cannot weave: then its passes are measured elsewhere
-            continue
+    for graph, each in definition.shipped_passes(host, [extent()]):
+        found.setdefault(each["role"], []).append((graph, each["name"]))
     return found
 
 

@@ -10,7 +10,7 @@ import json
 import pathlib
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from . import Error, Host, metrics
@@ -95,6 +95,7 @@ STUDY_KEYS = {
 SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "times": NUMBERS, "overlays": TEXTS,
               "arguments": TABLE}
 VARIANT_KEYS = {"name": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "knobs": ANY, "climb": TEXT}
+DEFAULT_GRAPH = "deferred"
 CLIMBS = ("together", "each")  # how a variant's ladders are: the i-th values of all, or one with the others as they stand
 FUNCTION_PORT = "measured_function.image"  # of the pass that a study adds where a role's technique makes no image itself
 REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE, "file": TEXT}
@@ -226,9 +227,14 @@ def read(host: Host, file: str, scenes: Iterable[str] = ()) -> Study:
         path = shipped
     try:
         text = path.read_text()
+    except FileNotFoundError as error:
+        known = sorted(each.stem for each in shipped.parent.glob("*.toml"))
+        near = difflib.get_close_matches(path.stem, known, 1)
+        raise Error(2, f"error: there is neither a file nor a shipped study '{file}'\n  expected: a study file, or one of "
+                       f"{', '.join(known)}" + (f"\n  help:     did you mean '{near[0]}'?" if near else "")) from error
     except (OSError, UnicodeDecodeError) as error:
-        known = ", ".join(sorted(each.stem for each in shipped.parent.glob("*.toml")))
-        raise Error(2, f"error: the study '{file}' cannot be read: {error}\n  help:     shipped ones are {known}") from error
+        why = error.strerror if isinstance(error, OSError) else error
+        raise Error(2, f"error: the study '{file}' cannot be read: {why}") from error
     try:
         written = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
@@ -242,9 +248,12 @@ def read(host: Host, file: str, scenes: Iterable[str] = ()) -> Study:
     return understand(host, written, places, path.stem, path.parent)
 
 
-def of_role(host: Host, role: str, scenes: list[str], settings: list[str], climb: str = "together") -> Study:
-    """A study of all techniques of a role, over all their knobs, that nobody wrote. Those that need the artifact of a job,
-    which only a graph can name, are left out, and the title says so."""
+def of_role(host: Host, role: str, scenes: list[str], settings: list[str], climb: str = "together",
+            graph: str | None = None) -> Study:
+    """A study of all techniques of a role, over all their knobs, that nobody wrote: in a graph, or in the first shipped one
+    that has a pass of the role. Those that need the artifact of a job, which only a graph can name, are left out, and the
+    title says so; where the role makes no image, the graph's output is compared, and the title says that.
+    raises: Error, also where no shipped graph has such a pass"""
     reader = Reader(host, Places("--role", ""), pathlib.Path())
     if role not in reader.roles:
         reader.unknown(("role",), "role", role, reader.roles)
@@ -253,9 +262,35 @@ def of_role(host: Host, role: str, scenes: list[str], settings: list[str], climb
     names = [name for name in every if not needs_artifact(reader.techniques[role, name])]
     left = [name for name in every if name not in names]
     without = f" without {', '.join(left)}, which a graph must give a job's artifact" if left else ""
-    written = {"title": f"All techniques of {role}{without}", "role": role, "set": settings, "scene": [{"file": s} for s in scenes],
+    graph = graph or next((name for name, each in shipped_passes(host) if each["role"] == role), None)
+    if graph is None:
+        raise Error(2, f"--role: error: no shipped graph of frames has a pass of role '{role}'\n  expected: --graph with a graph "
+                       "that has one")
+    measure = reader.roles[role].get("measure") or {}
+    seen: dict[str, str] = {}
+    if measure.get("kind") != "image" and (measure.get("kind") != "function_image"
+                                           or ("function_image", role) not in reader.techniques):
+        with host.graph(graph, settings) as made:
+            seen = {"port": made.describe()["output"]}
+        without += f", seen in {seen['port']}"
+    written = {"title": f"All techniques of {role}{without}", "role": role, "graph": graph, **seen, "set": settings,
+               "scene": [{"file": s} for s in scenes],
                "variant": [{"name": name, "technique": name, "knobs": "all", "climb": climb} for name in names]}
     return understand(host, written, Places("--role", ""), role, pathlib.Path())
+
+
+def shipped_passes(host: Host, settings: Sequence[str] = ()) -> Iterator[tuple[str, dict[str, Any]]]:
+    """(shipped graph, pass of it as the graph describes it), of graphs of frames: the default graph's first, the others' in
+    the order of their names."""
+    folder = pathlib.Path(__file__).resolve().parents[1] / "graphs"
+    names = sorted((each.stem for each in folder.glob("*.toml")), key=lambda each: (each != DEFAULT_GRAPH, each))
+    for name in names:
+        try:
+            with host.graph(name, settings) as graph:
+                passes = graph.describe()["passes"]
+        except Error:  # a job, or a graph that this machine cannot weave: its passes are found elsewhere
+            continue
+        yield from ((name, each) for each in passes)
 
 
 def needs_artifact(technique: Mapping[str, Any]) -> bool:
@@ -267,7 +302,7 @@ def needs_artifact(technique: Mapping[str, Any]) -> bool:
 def understand(host: Host, written: dict[str, Any], places: Places, name: str, folder: pathlib.Path) -> Study:
     reader = Reader(host, places, folder)
     table = reader.check_table((), written, STUDY_KEYS)
-    graph = reader.file(table.get("graph", "deferred"))
+    graph = reader.file(table.get("graph", DEFAULT_GRAPH))
     settings = tuple(table.get("set", []))
     described = load(reader, ("graph",) if "graph" in table else ("set",), graph, settings)
     passes = {each["name"]: each for each in described.get("passes", [])}

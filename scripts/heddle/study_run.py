@@ -790,10 +790,12 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
         if options.role is not None:
             if not options.files and not options.scene:
                 raise Error(2, "error: --role needs a scene\n  help:     heddle study --role ambient_occlusion atrium.py")
-            study = definition.of_role(host, options.role, [*options.files, *options.scene], options.set, options.climb)
-        elif len(options.files) != 1 or options.set:
+            study = definition.of_role(host, options.role, [*options.files, *options.scene], options.set, options.climb,
+                                       options.graph)
+        elif len(options.files) != 1 or options.set or options.graph:
             raise Error(2, "error: heddle study takes one study file, or --role ROLE with scenes\n  found:    "
-                           f"{len(options.files)} files" + (" and --set" if options.set else ""))
+                           f"{len(options.files)} files" + (" and --set" if options.set else "")
+                        + (" and --graph" if options.graph else ""))
         else:
             study = definition.read(host, options.files[0], options.scene)
         return measure_study(options, host, study, say, stop)

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "graph/plugin_folder.hpp"
+#include "graph/resolve.hpp"
 
 namespace heddle::graph {
 namespace {
@@ -250,6 +251,36 @@ TEST(Resolve, ReadsParametersOfEveryType) {
   EXPECT_EQ(find(ao, "ao").parameters[1].number[0], 1);
   EXPECT_EQ(find(ao, "ao").parameters[3].number[0], 0);
   EXPECT_EQ(find(ao, "ao").parameters[2].number[0], 2);  // its default
+}
+
+TEST(Resolve, TakesNumbersThatAreChoicesToTheLetter) {
+  Technique technique;
+  technique.id = "source/virtual";
+  technique.parameters.resize(2);
+  technique.parameters[0].name = "spacing";
+  technique.parameters[1].name = "bias";
+  for (Parameter& each : technique.parameters) each.type = ParameterType::kChoice;
+  technique.parameters[0].choices = {"16", "8", "4", "2"};
+  technique.parameters[1].choices = {"-0.5", "0.5", "true"};
+  const auto read = [&](std::string_view params, std::initializer_list<const char*> settings) {
+    WrittenGraph written = parse(
+        "[[pass]]\nname = \"source\"\nrole = \"source\"\ntechnique = \"virtual\"\n" + std::string(params), "test.toml");
+    for (const char* setting : settings) apply_setting(written, setting);
+    Presets presets;
+    Problems problems;
+    std::vector<std::string> notes;
+    std::vector<ParameterOrigin> origins;
+    const auto values = read_parameters(written.passes[0], technique, presets, problems, notes, origins);
+    problems.throw_if_any();
+    return std::vector<double>{values[0].number[0], values[1].number[0]};
+  };
+  EXPECT_THAT(read("params.spacing = 4\nparams.bias = 0.5\n", {}), ElementsAre(2, 1));
+  EXPECT_THAT(read("params.spacing = \"8\"\n", {"source.params.spacing=2", "source.params.bias=-0.5"}),
+              ElementsAre(3, 0));
+  // What is not one of them to the letter stays an error, and a bool is no word.
+  for (const char* wrong : {"source.params.spacing=3", "source.params.spacing=4.0", "source.params.bias=true"})
+    EXPECT_THAT(message_of([&] { read("", {wrong}); }), HasSubstr("expected: one of ")) << wrong;
+  EXPECT_THAT(message_of([&] { read("", {"source.params.spacing=3"}); }), HasSubstr("params.spacing is an integer"));
 }
 
 TEST(Resolve, PutsPresetsIn) {

@@ -180,6 +180,16 @@ def test_check_explain_and_completion_know_jobs(folder):
     assert "count.table=" in completed.stdout and "count.report=" in completed.stdout
 
 
+@pytest.mark.parametrize("words", [["check"], ["check", "--json"], ["explain"], ["explain", "--format", "json"],
+                                   ["explain", "--why", "count"]], ids=" ".join)
+def test_check_and_explain_of_jobs_take_scenes_in_python(folder, words):
+    (folder.path / "nothing.py").write_text("def build(scene):\n    pass\n")
+    without, of_python = [folder.run(words[0], folder.path / "job.toml", *scene, *words[1:])
+                          for scene in ([], [folder.path / "nothing.py"])]
+    assert of_python.returncode == 0, of_python.stderr
+    assert of_python.stdout and sorted(of_python.stdout.split()) == sorted(without.stdout.split())
+
+
 def test_python_runs_jobs(jobs, tmp_path):
     told = []
     with jobs.job(tmp_path / "job.toml", ["count.params.size=4"]) as job:

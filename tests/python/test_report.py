@@ -184,13 +184,17 @@ def rows_for(*points):
     ([("a", "x", s.BETTER, -0.3, s.BETTER, -0.02), ("a", "y", s.BETTER, -0.1, s.BETTER, -0.2)],
      "x is both faster (-25.9 %) and nearer to the reference (rmse -0.02) than first, as is 1 other."),
     ([("a", "x", s.BETTER, -0.3, s.BETTER, -0.02), ("b", "x", s.WORSE, 0.1, s.BETTER, -0.2)],
-     "Nothing was seen to be both faster and nearer to the reference than first on all 2 scenes: the other one is better in neither "
+     "Nothing was seen to be both faster and nearer to the reference than first on both scenes: the other one is better in neither "
      "on every scene."),
     ([("a", "x", s.BETTER, -0.3, s.SAME, 0.0), ("a", "y", s.WORSE, 0.3, s.BETTER, -0.1)],
      "x is faster (-25.9 %) than first, with no difference seen in rmse."),
     ([("a", "x", s.BETTER, -0.3, s.WORSE, 0.1), ("a", "y", s.WORSE, 0.3, s.BETTER, -0.1), ("a", "z", s.UNDECIDED, 0, s.BETTER, -1)],
      "Nothing was seen to be both faster and nearer to the reference than first: of 3 others 1 is faster with a larger error, 1 is "
      "slower with a smaller error, 1 is undecided in time or error."),
+    ([("a", "x", s.UNDECIDED, 0, s.BETTER, -0.1), ("a", "y", s.UNDECIDED, 0, s.BETTER, -0.1)],
+     "Nothing was seen to be both faster and nearer to the reference than first: both others are undecided in time or error."),
+    ([("a", name, s.UNDECIDED, 0, s.BETTER, -0.1) for name in "xyz"],
+     "Nothing was seen to be both faster and nearer to the reference than first: all 3 others are undecided in time or error."),
     ([], "Nothing was compared: the study has one point, or no verdict of both time and error."),
 ])
 def test_the_verdict_says_what_the_rows_say(points, sentence):
@@ -203,9 +207,21 @@ def test_the_verdict_says_what_could_not_be_told():
     rows[0]["smallest_seen"] = 0.5
     text = verdict({"metrics": ["rmse"]}, rows, {"a": ["it was busy", "it drifts"]})[1]
     assert text == ("A difference of frame times below 1 % to 65 % could not have been seen, and 1 of 4 comparisons is undecided; the "
-                    "machine was restless: it was busy, and 1 more.")
+                    "machine was restless: it was busy (1 more sign of it stands under \"Machine and versions\").")
     rows[0]["smallest_seen"] = math.inf
-    assert "below 1 % to any size" in verdict({"metrics": ["rmse"]}, rows, {})[1]
+    assert "below 1 % to more than 100 %" in verdict({"metrics": ["rmse"]}, rows, {"a": list("abc")})[1]
+    assert "a (2 more signs of it stand under" in verdict({"metrics": ["rmse"]}, rows, {"a": list("abc")})[1]
+
+
+@pytest.mark.parametrize("least", [math.log1p(80.9), math.log(2) + 1e-6, math.inf])
+def test_a_run_that_could_not_see_a_factor_of_two_says_so_without_a_number(least):
+    rows = rows_for(("a", "x", s.UNDECIDED, 0.0, s.BETTER, -0.1))
+    rows[0]["smallest_seen"] = least
+    assert verdict({"metrics": ["rmse"]}, rows, {})[1] == (
+        "This run could tell nothing about times: a frame that took twice as long could have been missed, and 1 of 2 comparisons is "
+        "undecided.")
+    rows[0]["smallest_seen"] = math.log(2)
+    assert verdict({"metrics": ["rmse"]}, rows, {})[1].startswith("A difference of frame times below 100 % could not have been seen")
 
 
 # ---- A real study, and a row of it again ----

@@ -33,7 +33,9 @@ SHOTS = BUILD / "report-screenshots"
 SIZE = (96, 54)
 # Counts what the page unpacks, before any of its scripts runs.
 COUNT = "window.unpacked = 0; const Real = DecompressionStream; window.DecompressionStream = class extends Real { constructor(f) { " \
-        "super(f); window.unpacked++; } };"
+        "super(f); window.unpacked++; } }; addEventListener('readystatechange', () => { if (document.readyState === 'interactive') " \
+        "window.parsed = {unpacked: window.unpacked, points: document.querySelectorAll('#chart .point').length, " \
+        "verdict: document.getElementById('verdict')?.textContent}; }, true);"
 
 
 @pytest.fixture(scope="module")
@@ -194,13 +196,25 @@ def test_thirty_variants_of_five_scenes_unpack_only_what_is_seen(browser, tmp_pa
     monkeypatch.setattr(report.Page, "flip", quick_flip)
     synthetic_study.write_study(tmp_path, synthetic_study.explained(), 30, 5, (48, 28))
     path = report.write(tmp_path, whole=0)
+    path = path.rename(tmp_path / "page.html")
+    data = report.points_of(path)
+    assert data["level"] == {"scale": 2, "mantissa": 10}
+    # A budget of fewer bytes than that: detail is given up until the page holds it.
+    budget = path.stat().st_size * 9 // 10
+    smaller = report.write(tmp_path, budget=budget, whole=0)
+    level = report.points_of(smaller)["level"]
+    assert budget // 2 < smaller.stat().st_size <= budget and (level["scale"], -level["mantissa"]) > (2, -10)
     browser.get(path.as_uri())
     said(browser, "A is")
     paints = browser.execute_script("return Object.fromEntries(performance.getEntriesByType('paint').map((e) => [e.name, e.startTime]))")
     record_property("first paint, ms", paints["first-contentful-paint"])
+    # What is painted first needs no pixel: when all was parsed, chart and verdict were there and nothing was unpacked.
+    assert browser.execute_script("return window.parsed") == {"unpacked": 0, "points": 30, "verdict": " ".join(data["verdict"])}
     pixels = browser.execute_script("return document.querySelectorAll('script[type=\"text/plain\"]').length")
-    # A with its map and whole tiles, B, and B's tiles.
-    assert pixels > 1500 and browser.execute_script("return window.unpacked") <= 2 + 6 + 1 + 6
+    # Of all these: A, its map, its whole tiles, what they are compared with, and B.
+    tiles = data["images"]["image0x0"]["tiles"]
+    assert pixels == 150 * (2 + 2 * len(tiles)) + 5
+    assert browser.execute_script("return window.unpacked") == 2 + 2 * len(tiles) + 1
     # The text is painted before the pixels are read: it comes first in the file.
     text = path.read_text()
     assert text.index('id="verdict"') < text.index('id="data"') < text.index('<script type="text/plain"')
@@ -208,6 +222,21 @@ def test_thirty_variants_of_five_scenes_unpack_only_what_is_seen(browser, tmp_pa
 
 
 # ---- The chart ----
+
+def test_errors_have_the_unit_that_the_role_of_their_port_states(page):
+    axis = "#chart svg text[transform]"
+    assert one(page, axis).text.startswith("rmse [cd/m^2] of lighting.radiance")
+    assert one(page, "[data-sort='rmse']").text == "rmse [cd/m^2]" and one(page, "[data-sort='ssim']").text == "ssim"
+    Select(one(page, "#error-axis")).select_by_value("ssim")
+    assert one(page, axis).text.startswith("1 − ssim of lighting.radiance")
+
+
+@pytest.mark.parametrize(("metric", "unit", "expected"), [
+    ("rmse", "cd/m^2", "cd/m^2"), ("mse", "cd/m^2", "(cd/m^2)^2"), ("mse", "", ""), ("percentile_99", "m", "m"), ("relmse", "m", ""),
+    ("maximum", "m", "m"), ("mean_difference", "m", "m"), ("psnr", "m", ""), ("differing_pixels", "m", ""), ("hdr_flip", "cd/m^2", "")])
+def test_units_of_metrics_follow_from_their_formulas(metric, unit, expected):
+    assert report.metric_unit(metric, unit) == expected
+
 
 def test_hovering_says_the_settings(page, study):
     point = one(page, "#chart .point[data-row='2'] .mark")
@@ -486,6 +515,13 @@ def test_passes_graph_and_memory_are_those_of_the_point(page, study):
     for i, a in enumerate(boxes):  # no two lie over each other
         assert not any(a["x"] < b["x"] + b["width"] and b["x"] < a["x"] + a["width"] and a["y"] < b["y"] + b["height"] and
                        b["y"] < a["y"] + a["height"] for b in boxes[:i])
+    spills = page.execute_script(
+        "return [...document.querySelectorAll('#graph .node')].flatMap((node) => { const box = node.querySelector('rect').getBBox();"
+        "return [...node.querySelectorAll('text')].filter((text) => text.getBBox().x < box.x + 4 || text.getBBox().x + text.getBBox().width >"
+        " box.x + box.width - 4).map((text) => text.textContent); })")
+    assert spills == []
+    technique = max((each["technique"] for each in graph["passes"]), key=len)
+    assert len(technique) > 22 and technique in one(page, "#graph svg").text  # whole
     assert "without sharing" in one(page, "#memory").text and "lighting" in one(page, "#passes svg").text
     assert "not measured for this point" in one(page, "#passes").text
     choose_lost = next(i for i, each in enumerate(study.data["points"], 1) if each["state"] != "ok")
@@ -506,6 +542,36 @@ def test_what_leaving_out_saves_stands_beside_a_pass(browser, study, tmp_path):
     click(browser, "#passes summary")
     assert "0.47 ms (0.41 to 0.52)" in one(browser, "#passes table").text
     shoot(browser, "leave-one-out")
+
+
+@pytest.mark.parametrize("width", [1200, 400])
+@pytest.mark.parametrize(("quantity", "numbers"), [
+    ("pass display", {"high": 200.0}), ("pass sky", {"high": 90.0}), ("frame", {"value": 50.0}), ("frame", {"value": 0.5})])
+def test_passes_lie_within_their_axis(browser, study, tmp_path, monkeypatch, width, quantity, numbers):
+    """Intervals that reach far beyond the sum of the medians, and frames far longer and shorter than it."""
+    monkeypatch.setattr(report.Page, "flip", quick_flip)
+    shutil.copytree(study.folder, tmp_path / "copy")
+    results = json.loads((tmp_path / "copy" / "results.json").read_text())
+    row = next(each for each in results["rows"] if (each["scene"], each["variant"], each["knobs"], each["quantity"]) ==
+               ("cornell_box view0", "technique00", "steps=2", quantity))
+    row |= numbers
+    (tmp_path / "copy" / "results.json").write_text(json.dumps(results))
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False})
+    browser.get(report.write(tmp_path / "copy").as_uri())
+    said(browser, "A is")
+    choose(browser, "technique00 steps=2")
+    outside = browser.execute_script(
+        "const svg = document.querySelector('#passes svg'), box = svg.viewBox.baseVal;"
+        "return [...svg.querySelectorAll('rect, path, text')].map((e) => [e.textContent || e.getAttribute('d') || 'rect', e.getBBox()])"
+        ".filter(([, b]) => b.x < 0 || b.y < 0 || b.x + b.width > box.width || b.y + b.height > box.height).map(([what]) => what)")
+    assert outside == []
+    texts = [each.text for each in browser.find_elements(By.CSS_SELECTOR, "#passes svg text")]
+    rows = {each["quantity"]: each for each in results["rows"] if (each["scene"], each["variant"], each["knobs"]) ==
+            ("cornell_box view0", "technique00", "steps=2")}
+    numbers_shown = sorted(float(text.split()[0]) for text in texts if text.endswith(" ms") and not text.startswith("frame"))
+    assert numbers_shown == pytest.approx(sorted(each["value"] for name, each in rows.items() if name.startswith("pass ")), rel=5e-3)
+    assert float(next(text for text in texts if text.startswith("frame")).split()[1]) == pytest.approx(rows["frame"]["value"], rel=5e-3)
+    shoot(browser, f"passes-{quantity.split()[-1]}-{width}", width)
 
 
 def test_another_scene_has_its_own_points_and_images(page, study):

@@ -49,7 +49,7 @@ parts = 4
 
 def options(**given):
     known = {"files": [], "role": None, "set": [], "folder": None, "device": None, "rounds": None, "budget": None,
-             "timeout": 120.0, "cluster": None, "scene": [], "climb": "together", "dry_run": False, "gate": False, "quiet": True}
+             "timeout": 120.0, "cluster": None, "scene": [], "graph": None, "climb": "together", "dry_run": False, "gate": False, "quiet": True}
     return argparse.Namespace(**(known | given))
 
 
@@ -148,9 +148,9 @@ def test_a_variant_without_the_pass_is_one_where_its_port_stays(host, tmp_path):
 
 def test_a_mistake_is_not_followed_by_others_that_it_makes(host, tmp_path):
     with pytest.raises(heddle.Error) as raised:
-        definition.of_role(host, "light_assignment", ["cornell_box.py"], [])
+        definition.of_role(host, "light_assignment", ["cornell_box.py"], [], graph="deferred")
     errors = re.findall(r"error: (.*)", str(raised.value))
-    assert len(errors) == 2 and "0 passes of role 'light_assignment'" in errors[0] and "is no image" in errors[1]
+    assert len(errors) == 1 and "0 passes of role 'light_assignment'" in errors[0]
     text = refusal(host, tmp_path, SMALL.replace('role = "ambient_occlusion"', 'role = "ambient"'))
     assert len(re.findall("error:", text)) == 1
     assert len(re.findall(r"^/small.toml", refusal(host, tmp_path, SMALL.replace('"studio"', '"stduio"')), re.M)) == 1
@@ -242,6 +242,39 @@ def test_a_role_alone_is_a_study_of_all_its_techniques_and_knobs(host):
     assert len(by_variant) == 5 and {knob for knob, _ in by_variant[0].knobs} >= {"points", "blur_passes"}
     with pytest.raises(heddle.Error, match="did you mean 'ambient_occlusion'"):
         definition.of_role(host, "ambient_oclusion", ["cornell_box.py"], [])
+
+
+@pytest.mark.parametrize("role, graph, port", [("ray_tracing", "path_traced", "path_tracer.radiance"),
+                                               ("antialiasing", "supersampled", "aa.radiance")])
+def test_a_role_outside_the_default_graph_is_studied_in_one_that_has_it(host, role, graph, port):
+    study = definition.of_role(host, role, ["cornell_box.py"], ["extent=[32,18]"])
+    assert {point.graph for point in study.points} == {graph} and study.port == port
+    assert definition.of_role(host, "ambient_occlusion", ["cornell_box.py"], []).points[0].graph == "deferred"
+    assert definition.of_role(host, "ambient_occlusion", ["cornell_box.py"], [], graph="studio").points[0].graph == "studio"
+
+
+def test_a_role_that_makes_no_image_is_seen_in_the_graphs(host):
+    study = definition.of_role(host, "light_assignment", ["cornell_box.py"], ["extent=[32,18]"])
+    assert study.port == "display.color" and study.title.endswith(", seen in display.color")
+    assert {point.variant for point in study.points} == {"brute_force", "tiled"}
+
+
+def test_a_role_that_no_shipped_graph_has_asks_for_one(host):
+    with pytest.raises(heddle.Error) as raised:
+        definition.of_role(host, "bake_visibility", ["cornell_box.py"], [])
+    assert str(raised.value).startswith("--role: error: no shipped graph of frames has a pass of role 'bake_visibility'")
+    assert "--graph" in str(raised.value) and raised.value.status == 2
+
+
+def test_a_study_that_is_not_there_is_told_with_the_nearest(host, tmp_path):
+    with pytest.raises(heddle.Error) as raised:
+        definition.read(host, "ambient_oclusion")
+    lines = str(raised.value).splitlines()
+    assert lines[0] == "error: there is neither a file nor a shipped study 'ambient_oclusion'"
+    assert lines[-1] == "  help:     did you mean 'ambient_occlusion'?" and len(lines) == 3
+    with pytest.raises(heddle.Error) as raised:
+        definition.read(host, str(tmp_path))
+    assert str(raised.value) == f"error: the study '{tmp_path}' cannot be read: Is a directory"
 
 
 def test_shipped_studies_are_right(host, root):
@@ -598,7 +631,7 @@ def test_a_gate_is_for_what_is_worse(verdicts, states, status):
 
 
 @pytest.mark.parametrize(("words", "status", "said"), [
-    (["--gtae"], 2, "unrecognized arguments: --gtae"), (["--gate", "--rounds", "x"], 4, "invalid int value"),
+    (["--gtae"], 2, "unrecognized arguments: --gtae"), (["--gate", "--rounds", "x"], 4, "'x' is no whole number"),
     (["--gate", "--rounds", "3"], 4, "error: --rounds 3"), (["--rounds", "3"], 2, "error: --rounds 3"),
     (["--folder", "/proc/nope"], 4, "error: the folder '/proc/nope' for the results cannot be made"),
     (["--gate", "--folder", "/proc/nope"], 4, "error: the folder '/proc/nope'")])

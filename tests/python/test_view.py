@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import pathlib
+import re
 import signal
 import struct
 import subprocess
@@ -217,7 +218,8 @@ def test_progressive_loops_go_on_while_nothing_moves(command, root, screen, tmp_
 
 
 def test_measured_costs_stand_beside_the_knob(command, root, screen, tmp_path):
-    commands = script(tmp_path, "wait\nclick pass/ao\nclick ao.params.steps/time\nwait\nstate\nquit\n")
+    shot = tmp_path / "costs.png"
+    commands = script(tmp_path, f"wait\nclick pass/ao\nclick ao.params.steps/time\nwait\nstate\nscreenshot {shot}\nquit\n")
     with viewer(command, root, screen, [SCENE, *SETTINGS, *WINDOW], commands) as view:
         state = view.state(0)
         assert view.wait() == (0, "")
@@ -225,6 +227,13 @@ def test_measured_costs_stand_beside_the_knob(command, root, screen, tmp_path):
     assert [cost["value"] for cost in costs] == [2, 4, 8, 16, 32, 64]
     for cost in costs:
         assert 0 < cost["low_ms"] <= cost["median_ms"] <= cost["high_ms"]
+        assert re.fullmatch(rf"{cost['value']}: [0-9.]+ ms", cost["shown"])
+    # No interval strikes through the numbers, its own or another's.
+    for cost in costs:
+        top, bottom = state["widgets"][f"ao.params.steps/cost {cost['value']}/interval"][1::2]
+        for each in costs:
+            _, above, _, below = state["widgets"][f"ao.params.steps/cost {each['value']}"]
+            assert above < below and (bottom <= above or top >= below)
 
 
 def test_what_cannot_be_set_is_said_and_leaves_the_picture(command, root, screen, tmp_path):

@@ -18,14 +18,17 @@ using glm::dvec3;
 struct FileHead {
   char magic[8];
   std::uint64_t key;
-  std::uint64_t check;  // of all that follows the head
+  std::uint64_t check;  // of all else
   std::uint32_t width, height, tile_count, settings_bytes;
 };
-constexpr char kMagic[8] = {'H', 'D', 'L', 'P', 'A', 'T', 'H', '1'};
+// The last of these is the format: 2 hashes the head too.
+constexpr char kMagic[8] = {'H', 'D', 'L', 'P', 'A', 'T', 'H', '2'};
 
-std::uint64_t check_of(const std::string& settings, const std::vector<std::uint32_t>& tiles,
+std::uint64_t check_of(FileHead head, const std::string& settings, const std::vector<std::uint32_t>& tiles,
                        const std::vector<PixelSums>& pixels) {
   ContentHash hash;
+  head.check = 0;
+  hash.add(head);
   hash.add_bytes(settings.data(), settings.size());
   hash.add_bytes(tiles.data(), tiles.size() * sizeof(std::uint32_t));
   hash.add_bytes(pixels.data(), pixels.size() * sizeof(PixelSums));
@@ -103,11 +106,11 @@ std::string Film::save(const std::filesystem::path& file, const std::string& set
   FileHead head{};
   std::memcpy(head.magic, kMagic, sizeof kMagic);
   head.key = key_;
-  head.check = check_of(settings, tiles_, pixels_);
   head.width = width_;
   head.height = height_;
   head.tile_count = tile_count();
   head.settings_bytes = static_cast<std::uint32_t>(settings.size());
+  head.check = check_of(head, settings, tiles_, pixels_);
   std::error_code code;
   if (file.has_parent_path()) std::filesystem::create_directories(file.parent_path(), code);
   std::filesystem::path partial = file;
@@ -136,24 +139,38 @@ std::string Film::save(const std::filesystem::path& file, const std::string& set
   return text;
 }
 
-Film::Found Film::load(const std::filesystem::path& file) {
+Film::Found Film::load(const std::filesystem::path& file, std::string& settings) {
+  settings.clear();
+  std::error_code code;
+  const auto kind = std::filesystem::status(file, code).type();
+  if (kind == std::filesystem::file_type::not_found) return Found::kNothing;
+  if (kind != std::filesystem::file_type::regular) return Found::kForeign;
   std::ifstream in(file, std::ios::binary);
-  if (!in) return Found::kNothing;
   const auto read = [&](void* data, std::size_t bytes) {
     in.read(static_cast<char*>(data), static_cast<std::streamsize>(bytes));
     return static_cast<bool>(in);
   };
   FileHead head{};
-  if (!read(&head, sizeof head) || std::memcmp(head.magic, kMagic, sizeof kMagic) != 0) return Found::kDamaged;
-  if (head.key != key_ || head.width != width_ || head.height != height_) return Found::kOther;
-  constexpr std::uint32_t kMostSettings = 1U << 16U;
-  if (head.tile_count != tile_count() || head.settings_bytes > kMostSettings) return Found::kDamaged;
-  std::string settings(head.settings_bytes, '\0');
-  std::vector<std::uint32_t> tiles(tiles_.size());
-  std::vector<PixelSums> pixels(pixels_.size());
-  if (!read(settings.data(), settings.size()) || !read(tiles.data(), tiles.size() * sizeof(std::uint32_t)) ||
-      !read(pixels.data(), pixels.size() * sizeof(PixelSums)) || check_of(settings, tiles, pixels) != head.check)
+  constexpr std::size_t kName = sizeof kMagic - 1;
+  if (!read(head.magic, sizeof head.magic) || std::memcmp(head.magic, kMagic, kName) != 0) return Found::kForeign;
+  if (head.magic[kName] != kMagic[kName]) return Found::kOther;
+  if (!read(&head.key, sizeof head - sizeof head.magic)) return Found::kDamaged;
+  // Sizes are believed once they add up to the file's own.
+  constexpr std::uint64_t kMostSide = 1U << 20U;
+  const std::uint64_t width = head.width, height = head.height, bytes = std::filesystem::file_size(file, code);
+  if (code || width > kMostSide || height > kMostSide ||
+      head.tile_count != (width + kTile - 1) / kTile * ((height + kTile - 1) / kTile) ||
+      bytes != sizeof head + head.settings_bytes + std::uint64_t{head.tile_count} * sizeof(std::uint32_t) +
+                   width * height * sizeof(PixelSums))
     return Found::kDamaged;
+  std::string text(head.settings_bytes, '\0');
+  std::vector<std::uint32_t> tiles(head.tile_count);
+  std::vector<PixelSums> pixels(width * height);
+  if (!read(text.data(), text.size()) || !read(tiles.data(), tiles.size() * sizeof(std::uint32_t)) ||
+      !read(pixels.data(), pixels.size() * sizeof(PixelSums)) || check_of(head, text, tiles, pixels) != head.check)
+    return Found::kDamaged;
+  settings = std::move(text);
+  if (head.key != key_ || head.width != width_ || head.height != height_) return Found::kOther;
   tiles_ = std::move(tiles);
   pixels_ = std::move(pixels);
   return Found::kLoaded;

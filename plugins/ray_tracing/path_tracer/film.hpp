@@ -56,9 +56,11 @@ class Film {
 
   /// Whole or not at all. `settings`: a line for people. Empty: done; else what went wrong.
   [[nodiscard]] std::string save(const std::filesystem::path& file, const std::string& settings) const;
-  enum class Found : std::uint32_t { kNothing, kOther, kDamaged, kLoaded };
-  /// Takes up what the file holds if it was made of the same: key and size of this film.
-  [[nodiscard]] Found load(const std::filesystem::path& file);
+  /// Foreign: no checkpoint at all, or one that cannot be read.
+  enum class Found : std::uint32_t { kNothing, kForeign, kOther, kDamaged, kLoaded };
+  /// Takes up what the file holds if it was made of the same: key and size of this film. `settings`: its line for
+  /// people, of a whole file; of a film of another format "".
+  [[nodiscard]] Found load(const std::filesystem::path& file, std::string& settings);
 
  private:
   std::uint32_t width_ = 0, height_ = 0, columns_ = 0;

@@ -167,7 +167,8 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
   dvec3 beta(1.0);           // what light that comes along the ray is worth
   dvec3 diffuse_share(0.0);  // of beta: what the first surface's diffuse lobe reflects
   std::uint32_t bounces = 0;
-  bool is_first = true;  // no solid surface yet
+  bool is_first = true;      // no solid surface yet
+  bool is_past_all = false;  // nor ever one: the camera looks at the background
   double uncovered = 1.0;
   // The last surface that reflected: rays through layers go on from there.
   dvec3 from(0.0), from_normal(0.0);
@@ -198,6 +199,7 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
       emitters->meet(from, from_normal, ray.direction, travelled * (1.0 + kShapeSlack), reached * (1.0 + kShapeSlack),
                      [&](const dvec3& value, double pdf) { add(value * weight(from_pdf, pdf)); });
     if (!is_hit) {
+      is_past_all = bounces == 0;
       const double pdf = bounces > 0 ? emitters->pdf_sky(from, from_normal, ray.direction) : 0.0;
       if (emitters->sky().shines())
         add(emitters->sky().radiance(ray.direction) * (bounces > 0 ? weight(from_pdf, pdf) : 1.0));
@@ -289,14 +291,22 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
     travelled = 0.0;
     ray = {shading.origin, direction};
   }
-  // What lies behind a layer that reflected covers too.
-  if (bounces > 0 && uncovered > 0.0 && uncovered < 1.0) {
+  // What lies behind a layer that reflected covers too, and is the first solid surface.
+  const bool lacks_visibility = settings.finds_visibility && is_first && !is_past_all;
+  if ((bounces > 0 && uncovered > 0.0 && uncovered < 1.0) || lacks_visibility) {
     Ray behind = camera_ray;
     uncovered = 1.0;
     Hit hit;
-    for (std::uint32_t i = 0; i < kMostSurfaces && uncovered > 0.0 && geometry->find_nearest(behind, hit); ++i) {
+    bool is_open = true;  // no solid surface yet
+    for (std::uint32_t i = 0; i < kMostSurfaces && is_open && (uncovered > 0.0 || lacks_visibility); ++i) {
+      ++counts.rays;
+      if (!geometry->find_nearest(behind, hit)) break;
       const Surface surface = surfaces->at(*geometry, hit, -behind.direction);
-      if (surface.is_front || surface.is_double_sided) uncovered *= surface.is_blended ? 1.0 - surface.coverage : 0.0;
+      if (surface.is_front || surface.is_double_sided) {
+        uncovered *= surface.is_blended ? 1.0 - surface.coverage : 0.0;
+        is_open = surface.is_blended;
+        if (!is_open && lacks_visibility) find_visibility(surface, sampler, out, counts);
+      }
       behind.origin = surface.foot.above(surface.is_front ? -1.0 : 1.0);
     }
   }

@@ -10,9 +10,10 @@
 
 #include <glm/gtc/type_ptr.hpp>
 
-#include <atomic>
+#include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <span>
 
 namespace {
 
@@ -88,8 +89,10 @@ enum : std::uint32_t { kSky, kTrace };
 constexpr heddle_stage kStages[] = {gpu_stage("sky", kSkyAccesses), cpu_stage("trace", kTraceAccesses)};
 constexpr heddle_shader kShaders[] = {compute_shader("sky", "sky", "sky.comp.glsl", "sky surface_material")};
 
-/// Tiles that are traced before the host is asked whether to go on.
-constexpr std::uint32_t kTilesAStep = 64;
+/// Paths, at most, and tiles that are traced before the host is asked whether to go on: within about a second.
+constexpr std::uint32_t kPathsAStep = 1U << 16U, kTilesAStep = 64;
+/// Of what a sample is: to be raised with every change of its bytes, so that no checkpoint mixes two.
+constexpr int kVersion = 2;
 /// Samples of each pixel between two looks at the error.
 constexpr std::uint32_t kLeastRound = kReplicates;
 
@@ -208,13 +211,19 @@ class PathTracer {
     if (status != HEDDLE_OK) return status;
     const HeddleView view = frame.value<HeddleView>("camera").front();
     const std::uint32_t width = outputs.radiance.shape.width, height = outputs.radiance.shape.height;
-    const std::uint64_t key = key_of(frame, view);
+    describe(frame, view);
+    const std::uint64_t key = key_of();
     counts_ = {};
     std::uint64_t taken_up = 0;
     if (!film_.is_of(width, height, key)) {
       film_.reset(width, height, key);
       checkpoint_ = checkpoint_of();
-      take_up(frame.host(), taken_up);
+      status = take_up(frame.host(), taken_up);
+      if (status != HEDDLE_OK) {
+        film_ = {};  // no frame may write over what was refused
+        geometry_.set_alpha_test(nullptr, nullptr);
+        return status;
+      }
     }
     const std::uint32_t before = film_.samples();
     status = trace(frame, view);
@@ -269,6 +278,7 @@ class PathTracer {
     const auto lights = frame.value<HeddleLight>("lights");
     const auto textures = frame.value<glm::vec4>("light_textures");
     const bool glows = host.choice("emission") == 0;
+    if (const heddle_status status = check_shadow_light(host, lights); status != HEDDLE_OK) return status;
     ContentHash light_hash;
     light_hash.add(scene_hash_);
     light_hash.add(frame_origin_);
@@ -295,6 +305,21 @@ class PathTracer {
     return HEDDLE_OK;
   }
 
+  static heddle_status check_shadow_light(const PassHost& host, std::span<const HeddleLight> lights) {
+    const std::int64_t wanted = host.integer("shadow_light");
+    const auto is_it = [&](const HeddleLight& light) { return std::int64_t{light.id} == wanted; };
+    if (wanted < 0 || std::ranges::any_of(lights, is_it)) return HEDDLE_OK;
+    std::string there = "there are no lights";
+    if (lights.size() == 1) there = "there is 1 light, number " + std::to_string(lights[0].id);
+    if (lights.size() > 1) {
+      const auto [low, high] = std::ranges::minmax_element(lights, {}, &HeddleLight::id);
+      there = "there are " + std::to_string(lights.size()) + " lights, numbers " + std::to_string(low->id) + " to " +
+              std::to_string(high->id);
+    }
+    return host.fail(HEDDLE_BAD_INPUT, "shadow_light: no light has the number " + std::to_string(wanted) + "; " +
+                                           there + "; give one of them, or -1 for the first that casts a shadow");
+  }
+
   [[nodiscard]] std::uint64_t hash_of(const heddle_snapshot& snapshot) const {
     ContentHash hash;
     const std::size_t vertices = snapshot.vertex_count, triangles = snapshot.triangle_count;
@@ -308,23 +333,82 @@ class PathTracer {
     return hash.value();
   }
 
-  /// Of all that a sample depends on, but for its number.
-  [[nodiscard]] std::uint64_t key_of(const Frame& frame, const HeddleView& view) const {
+  /// All that a sample depends on, but for its number, as JSON: the key is made of nothing else, so that two keys that
+  /// differ can say in what.
+  void describe(const Frame& frame, const HeddleView& view) {
     const PassHost& host = frame.host();
+    recipe_.clear();
+    const auto add = [&](const char* name, const std::string& text) { recipe_.emplace_back(name, text); };
+    const auto add_hash = [&](const char* name, const ContentHash& hash) {
+      char text[24];
+      std::snprintf(text, sizeof text, "\"%016llx\"", static_cast<unsigned long long>(hash.value()));
+      add(name, text);
+    };
+    ContentHash scene, lights, sky, camera, material;
+    scene.add(scene_hash_);
+    scene.add(frame_origin_);
+    const auto records = frame.value<HeddleLight>("lights");
+    const auto textures = frame.value<glm::vec4>("light_textures");
+    lights.add_bytes(records.data(), records.size_bytes());
+    lights.add_bytes(textures.data(), textures.size_bytes());
+    sky.add(sky_hash_);
+    camera.add(view.rel_from_view);
+    camera.add(view.half_size);
+    camera.add(view.near_distance);
+    camera.add(view.is_orthographic);
+    camera.add(view.extent);
+    camera.add(view.jitter);
+    add_answers(material);
+    add("version", std::to_string(kVersion));
+    add("extent", "\"" + std::to_string(view.extent[0]) + " x " + std::to_string(view.extent[1]) + "\"");
+    add_hash("scene", scene);
+    add_hash("lights", lights);
+    add_hash("sky", sky);
+    add_hash("view", camera);
+    add_hash("surface_material", material);
+    add("seed", std::to_string(frame.info().seed));
+    add("points", std::string("\"") + kPoints[host.choice("points")] + "\"");
+    add("filter", std::string("\"") + kFilters[host.choice("filter")] + "\"");
+    add("emission", std::string("\"") + kGlow[host.choice("emission")] + "\"");
+    for (const char* name : {"bounces", "roulette_from", "shadow_light"}) add(name, std::to_string(host.integer(name)));
+    for (const char* name : {"multiple_scattering", "blended_shadows", "visibility"})
+      add(name, host.toggle(name) ? "true" : "false");
+    char radius[32];
+    std::snprintf(radius, sizeof radius, "%.17g", host.parameter("occlusion_radius"));
+    add("occlusion_radius", radius);
+  }
+
+  /// What surface_material says of a few points: another one, or another version of it, hardly says the same.
+  void add_answers(ContentHash& hash) const {
+    const double view[3] = {0.6, 0.0, 0.8}, light[3] = {-0.48, 0.36, 0.8}, u[2] = {0.3, 0.7};
+    for (const double metalness : {0.0, 0.5})
+      for (const double roughness : {0.3, 0.8}) {
+        heddle_surface_point point{};
+        point.struct_size = sizeof point;
+        point.base_color[0] = 0.8;
+        point.base_color[1] = 0.5;
+        point.base_color[2] = 0.2;
+        point.metalness = metalness;
+        point.roughness = roughness;
+        point.ior = 1.5;
+        double rgb[3], albedo[3], drawn[3], pdf = 0.0;
+        const heddle_surface_material_service& service = *integrator_.material;
+        service.evaluate(&point, view, light, 0, 1, rgb);
+        service.albedo(&point, view[2], 0, 1, albedo);
+        service.sample(&point, view, u, 0.4, drawn, &pdf);
+        hash.add(rgb);
+        hash.add(albedo);
+        hash.add(drawn);
+        hash.add(pdf);
+      }
+  }
+
+  [[nodiscard]] std::uint64_t key_of() const {
     ContentHash hash;
-    hash.add(light_hash_);
-    hash.add(sky_hash_);
-    hash.add(view.rel_from_view);
-    hash.add(view.half_size);
-    hash.add(view.near_distance);
-    hash.add(view.is_orthographic);
-    hash.add(view.extent);
-    hash.add(view.jitter);
-    hash.add(frame.info().seed);
-    for (const char* name : {"points", "filter", "emission"}) hash.add(host.choice(name));
-    for (const char* name : {"bounces", "roulette_from", "shadow_light"}) hash.add(host.integer(name));
-    for (const char* name : {"multiple_scattering", "blended_shadows", "visibility"}) hash.add(host.toggle(name));
-    hash.add(host.parameter("occlusion_radius"));
+    for (const auto& [name, text] : recipe_) {
+      hash.add_bytes(name.data(), name.size());
+      hash.add_bytes(text.data(), text.size());
+    }
     return hash.value();
   }
 
@@ -354,7 +438,8 @@ class PathTracer {
     return target > 0.0 && film_.samples() >= 4 * kReplicates && film_.error().relative <= target;
   }
 
-  /// Until every pixel has `samples`.
+  /// Until every pixel has `samples`, in steps of at most kPathsAStep paths: a few samples of all tiles, then the next.
+  /// Each pixel's samples are summed in their order whatever the steps, so that these change no bit.
   heddle_status trace_to(const Frame& frame, const HeddleView& view, std::uint32_t samples, std::uint32_t first,
                          std::uint32_t last) {
     struct Work {
@@ -364,31 +449,38 @@ class PathTracer {
       std::uint64_t seed;
       bool is_box;
       std::vector<Counts> counts;  // by thread
-      std::atomic<bool> has_failed{false};
     };
     const PassHost& host = frame.host();
     const auto* parallel = host.service<heddle_parallel_service>(HEDDLE_PARALLEL_SERVICE);
     const auto threads = static_cast<std::uint32_t>(host.integer("threads"));
-    Work work{this, Camera(view, frame_origin_), samples, 0, frame.info().seed, host.choice("filter") == 0, {}};
+    const std::uint32_t before = film_.samples(), tiles = film_.tile_count();
+    Work work{this, Camera(view, frame_origin_), before, 0, frame.info().seed, host.choice("filter") == 0, {}};
     work.counts.resize(parallel != nullptr ? parallel->most_threads(host.raw(), threads) : 1);
     const auto trace_tile = [](void* user, std::uint64_t index, std::uint32_t thread) {
       auto& job = *static_cast<Work*>(user);
       job.self->trace_tile(job.first_tile + static_cast<std::uint32_t>(index), job.samples, job.camera, job.seed,
                            job.is_box, job.counts[thread]);
     };
-    const std::uint32_t tiles = film_.tile_count();
+    const std::uint64_t pixels =
+        std::min<std::uint64_t>(std::uint64_t{view.extent[0]} * view.extent[1],
+                                std::uint64_t{std::min(kTilesAStep, tiles)} * Film::kTile * Film::kTile);
+    const auto slice =
+        static_cast<std::uint32_t>(std::max<std::uint64_t>(kPathsAStep / std::max<std::uint64_t>(pixels, 1), 1));
     heddle_status status = HEDDLE_OK;
-    const std::uint32_t before = film_.samples();
-    for (; work.first_tile < tiles && status == HEDDLE_OK; work.first_tile += kTilesAStep) {
-      const std::uint32_t count = std::min(kTilesAStep, tiles - work.first_tile);
-      if (parallel != nullptr) {
-        status = parallel->for_each(host.raw(), threads, count, trace_tile, &work);
-      } else {
-        for (std::uint32_t i = 0; i < count; ++i) trace_tile(&work, i, 0);
+    while (work.samples < samples && status == HEDDLE_OK) {
+      const std::uint32_t from = work.samples;
+      work.samples += std::min(slice, samples - from);
+      for (work.first_tile = 0; work.first_tile < tiles && status == HEDDLE_OK; work.first_tile += kTilesAStep) {
+        const std::uint32_t count = std::min(kTilesAStep, tiles - work.first_tile);
+        if (parallel != nullptr) {
+          status = parallel->for_each(host.raw(), threads, count, trace_tile, &work);
+        } else {
+          for (std::uint32_t i = 0; i < count; ++i) trace_tile(&work, i, 0);
+        }
+        const double share = static_cast<double>(work.first_tile + count) / tiles;
+        const double done = (from - first + share * (work.samples - from)) / std::max(last - first, 1U);
+        if (status == HEDDLE_OK) status = frame.progress(std::min(done, 1.0));
       }
-      const double share = static_cast<double>(work.first_tile + count) / tiles;
-      const double done = (before - first + share * (samples - before)) / std::max(last - first, 1U);
-      if (status == HEDDLE_OK) status = frame.progress(std::min(done, 1.0));
     }
     for (const Counts& one : work.counts) {
       counts_.rays += one.rays;
@@ -421,35 +513,78 @@ class PathTracer {
     return checkpoint_place_ / name;
   }
 
-  void take_up(const PassHost& host, std::uint64_t& taken_up) {
-    if (checkpoint_.empty()) return;
-    switch (film_.load(checkpoint_)) {
+  /// What is at the checkpoint's place is never written over unless it is this film's own.
+  heddle_status take_up(const PassHost& host, std::uint64_t& taken_up) {
+    if (checkpoint_.empty()) return HEDDLE_OK;
+    const std::string shown = "checkpoint '" + checkpoint_.string() + "'";
+    std::string found;
+    switch (film_.load(checkpoint_, found)) {
       case Film::Found::kLoaded:
         taken_up = film_.samples();
-        break;
+        return HEDDLE_OK;
+      case Film::Found::kForeign:
+        return host.fail(HEDDLE_BAD_INPUT, shown +
+                                               " is there and is no checkpoint of this technique: it stays as it is; "
+                                               "give another name, or a folder with / at its end");
       case Film::Found::kOther:
-        host.warn("checkpoint '" + checkpoint_.string() +
-                  "' is of another scene, view or settings: begins anew, and takes its place");
-        break;
+        return host.fail(HEDDLE_BAD_INPUT,
+                         shown + " was made of something else (" + differences(found) +
+                             "): it stays as it is; give another name, delete it, or give a folder, with / at its end, "
+                             "which keeps one for each scene and settings");
       case Film::Found::kDamaged:
-        host.warn("checkpoint '" + checkpoint_.string() + "' is damaged: begins anew, and takes its place");
-        break;
+        return set_aside(host, shown);
       case Film::Found::kNothing:
         break;
     }
+    return HEDDLE_OK;
+  }
+
+  /// Name and both values, first the found one, of what a file's line of settings says otherwise than the recipe.
+  [[nodiscard]] std::string differences(const std::string& line) const {
+    if (line.empty()) return "its format is of another version";
+    std::string all;
+    for (const auto& [name, text] : recipe_) {
+      const std::string label = "\"" + name + "\": ";
+      const std::size_t at = line.find(label);
+      std::string there = "nothing";
+      if (at != std::string::npos) {
+        const std::size_t begin = at + label.size();
+        there = line.substr(begin, std::min(line.find(", \"", begin), line.find('}', begin)) - begin);
+      }
+      if (there == text) continue;
+      const bool is_hash = name == "scene" || name == "lights" || name == "sky" || name == "view" ||
+                           name == "surface_material";  // say nothing to people
+      all += (all.empty() ? "" : ", ") + (name == "scene" ? "another scene, or seen from elsewhere"
+                                          : is_hash       ? "another " + name
+                                                          : name + " " + there + " instead of " + text);
+    }
+    return all.empty() ? "its key" : all;
+  }
+
+  /// A damaged file gets a name that nothing has yet.
+  heddle_status set_aside(const PassHost& host, const std::string& shown) const {
+    std::filesystem::path aside = checkpoint_;
+    aside += ".damaged";
+    std::error_code code;
+    for (int i = 2; std::filesystem::exists(aside, code); ++i) {
+      aside = checkpoint_;
+      aside += ".damaged" + std::to_string(i);
+    }
+    std::filesystem::rename(checkpoint_, aside, code);
+    if (code) return host.fail(HEDDLE_FAILED, shown + " is damaged, and cannot be set aside: " + code.message());
+    host.warn(shown + " is damaged: it is '" + aside.filename().string() + "' now, and its samples are taken anew");
+    return HEDDLE_OK;
   }
 
   void keep(const PassHost& host) {
     const FilmError error = film_.error();
-    char line[320];
-    std::snprintf(line, sizeof line,
-                  "{\"technique\": \"ray_tracing/path_tracer\", \"samples\": %u, \"standard_error\": %.9g, "
-                  "\"relative_error\": %.9g, \"points\": \"%s\", \"filter\": \"%s\", \"bounces\": %d, \"emission\": "
-                  "\"%s\"}\n",
+    char figures[160];
+    std::snprintf(figures, sizeof figures, "\"samples\": %u, \"standard_error\": %.9g, \"relative_error\": %.9g",
                   film_.samples(), std::isfinite(error.standard_error) ? error.standard_error : -1.0,
-                  std::isfinite(error.relative) ? error.relative : -1.0, kPoints[host.choice("points")],
-                  kFilters[host.choice("filter")], static_cast<int>(host.integer("bounces")),
-                  kGlow[host.choice("emission")]);
+                  std::isfinite(error.relative) ? error.relative : -1.0);
+    std::string line = std::string("{\"technique\": \"ray_tracing/path_tracer\", ") + figures;
+    for (const auto& [name, text] : recipe_) line += ", \"" + name + "\": " + text;
+    line += "}\n";
     if (const std::string problem = film_.save(checkpoint_, line); !problem.empty())
       host.warn("checkpoint is not kept: " + problem);
   }
@@ -478,6 +613,7 @@ class PathTracer {
   Counts counts_;
   dvec3 frame_origin_{0.0};
   std::uint64_t sky_hash_ = 0, scene_hash_ = 0, light_hash_ = 0, look_revision_ = 0, snapshot_revision_ = 0;
+  std::vector<std::pair<std::string, std::string>> recipe_;  // describe()
   std::filesystem::path checkpoint_place_, checkpoint_;
   bool is_folder_ = false;
   bool is_drawn_ = false, is_done_ = false;

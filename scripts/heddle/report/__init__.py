@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .. import Error, error_image, metrics
+from .. import Error, Host, error_image, metrics
 from .. import statistics as s
 from .. import study_images as images
 from ..comparison import compare_with_map
@@ -118,10 +118,11 @@ class Page:
             if reference is not None:
                 reference["image"] = self.known(reference["image"])
         better = {each["name"]: each for each in metrics()}
+        unit = self.unit()
         return {
             "title": self.study["title"], "study": {key: value for key, value in self.study.items()
                                                     if key not in ("points", "scenes", "reference")},
-            "metrics": [{"name": name, "better": better.get(name, {"better": "lower"})["better"]}
+            "metrics": [{"name": name, "better": better.get(name, {"better": "lower"})["better"], "unit": metric_unit(name, unit)}
                         for name in self.study["metrics"]],
             "is_encoded": self.is_encoded(),
             "scenes": scenes, "points": points, "formulas": formulas.values, "graphs": graphs.values,
@@ -145,16 +146,35 @@ class Page:
                 self._explained[key] = None
         return self._explained[key]
 
-    def is_encoded(self) -> bool:
-        """Whether the port that is compared holds what displays want: sRGB, 0 to 1."""
+    def role(self) -> str | None:
+        """Of the pass whose port is compared; None if no point was planned."""
         pass_name = self.study["port"].split(".")[0]
         for made in self.made:
             for point in made["points"]:
                 explained = self.explained(point["explained"])
                 for each in explained["passes"] if explained else []:
                     if each["name"] == pass_name:
-                        return each["role"] == "display"
-        return False
+                        return each["role"]
+        return None
+
+    def is_encoded(self) -> bool:
+        """Whether the port that is compared holds what displays want: sRGB, 0 to 1."""
+        return self.role() == "display"
+
+    def unit(self) -> str:
+        """Of the values of the port that is compared, as its role states it; "" where there is none, or none is known."""
+        role, port = self.role(), self.study["port"].split(".")[-1]
+        if role is None:
+            return ""
+        try:
+            with Host(log=lambda *_: None) as host:
+                roles = host.list()["roles"]
+        except Error:
+            return ""  # numbers are worth a page without their unit
+        stated = (each["unit"] for own in roles if own["name"] == role for each in own["ports"]
+                  if each["name"] == port and each["direction"] == "out")
+        unit = next(stated, "")
+        return "" if unit == "1" else unit
 
     # Images
 
@@ -224,6 +244,15 @@ def tile_side(height: int, width: int) -> int:
 
 
 # ---- Pixels in the page ----
+
+def metric_unit(metric: str, unit: str) -> str:
+    """The unit of the metric of values in UNIT; "" for what is a ratio, a count or a sum over models of seeing."""
+    if not unit:
+        return ""
+    if metric in ("rmse", "mean_difference", "maximum") or metric.startswith("percentile_"):
+        return unit
+    return f"({unit})^2" if metric == "mse" else ""
+
 
 Blob = tuple[Json, list[str]]  # what the scripts know of an image; its data, as elements of the page
 

@@ -7,10 +7,11 @@ const chart = {time: 'frame', metric: data.metrics[0].name, hidden: new Set()};
 function errorAxis(metric) {
   if (metric === 'ssim') return {label: '1 − ssim', isLog: true, value: (row) => flipped(row, (v) => 1 - v)};
   if (isHigherBetter(metric)) return {label: `${metric} [dB]`, isLog: false, isDown: true, value: (row) => row};
-  if (metric === 'mean_difference') return {label: `|${metric}|`, isLog: true, value: (row) => ({...row, value: Math.abs(row.value),
+  const unit = data.metrics.find((each) => each.name === metric)?.unit, suffix = unit ? ` [${unit}]` : '';
+  if (metric === 'mean_difference') return {label: `|${metric}|${suffix}`, isLog: true, value: (row) => ({...row, value: Math.abs(row.value),
     low: row.low * row.high <= 0 ? 0 : Math.min(Math.abs(row.low), Math.abs(row.high)),
     high: Math.max(Math.abs(row.low), Math.abs(row.high))})};
-  return {label: metric, isLog: true, value: (row) => row};
+  return {label: metric + suffix, isLog: true, value: (row) => row};
 }
 function flipped(row, f) {
   return {...row, value: f(row.value), low: f(row.high), high: f(row.low)};

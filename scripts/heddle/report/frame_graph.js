@@ -1,10 +1,28 @@
 // The frame graph as a picture: layers from top to bottom, who reads what; passes that were dropped are grey, and say why.
 // Layers by longest path, order in them by neighbours' means, as Sugiyama, Tagawa and Toda 1981 do; long edges go around.
 
-const NODE = {width: 172, height: 58, gap: 18, layer: 46};
+const NODE = {width: 172, height: 58, gap: 18, layer: 46};  // a box is wider where its words are
+
+// Widths of the words as they will be drawn: measured, since no count of letters tells them.
+const pen = document.createElement('canvas').getContext('2d');
+function textWidth(text, weight, size) {
+  pen.font = `${weight} ${size}px ${getComputedStyle(document.body).fontFamily}`;
+  return pen.measureText(text).width;
+}
+function boxTexts(pass) {
+  return [
+    {y: 19, weight: 700, size: 12, text: shorten(pass.name, 40)},
+    {y: 34, weight: 400, size: 12, text: shorten(pass.technique, 40)},
+    {y: 50, weight: 400, size: 10.5, text: shorten(pass.is_pruned ? pass.reason :
+      pass.stages.length ? `stage${pass.stages.length > 1 ? 's' : ''} ${pass.stages.map((stage) => stage.number).join(', ')}` : 'runs in its callers', 40)},
+  ];
+}
 
 function layout(graph) {
-  const nodes = new Map(graph.passes.map((pass) => [pass.name, {pass, name: pass.name, above: [], below: [], layer: 0}]));
+  const nodes = new Map(graph.passes.map((pass) => {
+    const texts = boxTexts(pass), width = Math.max(NODE.width, ...texts.map(({text, weight, size}) => Math.ceil(textWidth(text, weight, size)) + 16));
+    return [pass.name, {pass, name: pass.name, texts, width, above: [], below: [], layer: 0}];
+  }));
   const joined = new Map();  // edges of a pair and a kind are one line
   for (const edge of graph.edges) {
     const key = JSON.stringify([edge.from, edge.to, edge.kind]);
@@ -43,7 +61,7 @@ function layout(graph) {
     edge.path.push(to);
   }
   for (let i = 0; i < layers.length; i++) layers[i] ||= [];
-  const widthOf = (node) => node.isBend ? 12 : NODE.width;
+  const widthOf = (node) => node.isBend ? 12 : node.width;
   const settle = () => layers.forEach((layer) => layer.forEach((node, i) => { node.rank = i; }));
   settle();
   for (let sweep = 0; sweep < 12; sweep++) {
@@ -83,7 +101,7 @@ function layout(graph) {
 
 function edgePath(edge, nodes) {
   if (!edge.path) {  // last frame's version: around the outside, upwards
-    const from = nodes.get(edge.from), to = nodes.get(edge.to), x1 = from.x + NODE.width / 2, x2 = to.x + NODE.width / 2;
+    const from = nodes.get(edge.from), to = nodes.get(edge.to), x1 = from.x + from.width / 2, x2 = to.x + to.width / 2;
     const out = Math.max(x1, x2) + 20;
     return `M${x1},${from.y + 38}C${out},${from.y + 38} ${out},${to.y + 20} ${x2 + 2},${to.y + 20}`;
   }
@@ -128,12 +146,10 @@ function showGraph() {
       (numbers_.length ? `\nstages in the frame's order: ${numbers_.join(', ')}` : '') + (pass.scene.length ? `\nof the scene: ${pass.scene.join(', ')}` : '') +
       (parameters[name] ? '\n' + Object.entries(parameters[name]).map(([key, value]) => `${key} = ${value}`).join(', ') : '');
     const group = draw('g', {class: `node${pass.is_pruned ? ' pruned' : ''}${name === data.study.pass_name ? ' studied' : ''}`, role: 'img', tabindex: i ? -1 : 0,
-      'aria-label': text, transform: `translate(${node.x - NODE.width / 2},${node.y})`},
-    draw('rect', {width: NODE.width, height: NODE.height, rx: 7}),
-    draw('text', {x: NODE.width / 2, y: 19, 'text-anchor': 'middle', 'font-weight': 700}, shorten(pass.name, 22)),
-    draw('text', {x: NODE.width / 2, y: 34, 'text-anchor': 'middle', class: 'dim'}, shorten(pass.technique, 26)),
-    draw('text', {x: NODE.width / 2, y: 50, 'text-anchor': 'middle', class: 'dim', 'font-size': 10.5}, shorten(pass.is_pruned ? pass.reason :
-      pass.stages.length ? `stage${pass.stages.length > 1 ? 's' : ''} ${pass.stages.map((stage) => stage.number).join(', ')}` : 'runs in its callers', 30)));
+      'aria-label': text, transform: `translate(${node.x - node.width / 2},${node.y})`},
+    draw('rect', {width: node.width, height: NODE.height, rx: 7}),
+    node.texts.map(({y, weight, size, text: words}, line) => draw('text', {x: node.width / 2, y, 'text-anchor': 'middle', class: line ? 'dim' : null,
+      'font-weight': weight, 'font-size': size}, words)));
     const light = (isOn) => edges.forEach((edge) => { if (edge.from === name || edge.to === name) edge.line.classList.toggle('lit', isOn); });
     for (const event of ['mouseenter', 'focus']) group.addEventListener(event, () => light(true));
     for (const event of ['mouseleave', 'blur']) group.addEventListener(event, () => light(false));

@@ -9,7 +9,7 @@ function showPoints() {
   const quantities = ['frame', ...(passName ? [passName] : []), ...metricNames];
   const columns = [
     {head: 'Row', key: 'row', value: (point) => point.row, n: 1}, {head: 'Point', key: 'point', value: (point) => point.name},
-    ...quantities.map((quantity) => ({head: quantity === 'frame' ? 'Frame [ms]' : quantity.startsWith('pass ') ? `${quantity} [ms]` : quantity, key: quantity, n: 1,
+    ...quantities.map((quantity) => ({head: quantity === 'frame' ? 'Frame [ms]' : quantity.startsWith('pass ') ? `${quantity} [ms]` : metricHead(quantity), key: quantity, n: 1,
       value: (point) => point.rows[quantity]?.value ?? NaN})),
     {head: 'Memory', key: 'memory', n: 1, value: (point) => memoryOf(point)},
   ];
@@ -56,6 +56,10 @@ function showPoints() {
     make('thead', {}, make('tr', {}, head)), make('tbody', {}, body))),
   make('p', {class: 'note'}, '★ no other point beats it in both frame time and the first error. Rows keep their number over all scenes: heddle reproduce takes it.'));
   if (had) document.querySelector(`#points [data-sort="${CSS.escape(had)}"]`)?.focus();
+}
+function metricHead(name) {
+  const unit = data.metrics.find((each) => each.name === name)?.unit;
+  return unit ? `${name} [${unit}]` : name;
 }
 function memoryOf(point) {
   if (typeof point.frame_graph !== 'number') return undefined;

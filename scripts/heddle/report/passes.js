@@ -19,10 +19,13 @@ function showPasses() {
     return;
   }
   const costs = rows.map(({name}) => leftOut(point, name)), hasCosts = costs.some(Boolean);
-  const total = rows.reduce((sum, {row}) => sum + row.value, 0);
   const isNarrow = document.getElementById('passes').clientWidth < 620;
-  const width = isNarrow ? 430 : 1000, label = isNarrow ? 90 : 130, line = 25, top = 26, right = isNarrow ? 20 : 150;
-  const high = Math.max(total, ...costs.filter(Boolean).map((each) => each.cost_ms[2])) * 1.02;
+  const width = isNarrow ? 430 : 1000, label = isNarrow ? 90 : 130, line = 25, top = 26, right = isNarrow ? 72 : 100;
+  // The axis holds all that is drawn: sums of passes, ends of intervals, what leaving out saves and the frame.
+  const frame = point.rows.frame, frameMs = frame?.value ?? 0;
+  let sum = 0;
+  const ends = rows.map(({row}) => (sum += row.value) - row.value + Math.max(row.value, row.high ?? 0));
+  const high = Math.max(frameMs, ...ends, ...costs.filter(Boolean).map((each) => each.cost_ms[2])) * 1.02;
   const low = Math.min(0, ...costs.filter(Boolean).map((each) => each.cost_ms[0]));
   const toX = (ms) => label + (width - label - right) * (ms - low) / (high - low);
   const height = top + line * rows.length * (hasCosts ? 1.6 : 1) + 30, step = line * (hasCosts ? 1.6 : 1);
@@ -33,16 +36,22 @@ function showPasses() {
       draw('text', {x: toX(value), y: 14, 'text-anchor': 'middle', class: 'dim'}, digits(value, 3)));
   }
   svg.append(draw('text', {x: 4, y: 14, class: 'dim'}, 'ms'));
+  if (frameMs > 0) {  // under the numbers, which stand out from it
+    svg.append(draw('path', {d: `M${toX(frameMs)},${top - 6}V${height - 26}`, stroke: 'var(--text)', 'stroke-dasharray': '5 3', 'stroke-width': 1.3}),
+      draw('text', {x: toX(frameMs), y: height - 10, 'text-anchor': 'middle'}, `frame ${digits(frameMs, 3)} ms`));
+  }
   let at = 0;
   rows.forEach(({name, row}, i) => {
     const y = top + step * i, isStudied = name === data.study.pass_name, color = isStudied ? 'var(--c1)' : 'var(--c0)';
     const text = `pass '${name}': ${withUnit(row)} ${interval(row)}, ${row.samples} frames submitted stage by stage`;
     const group = tipped(draw('g', {}), text);
     group.append(draw('text', {x: label - 8, y: y + 13, 'text-anchor': 'end', 'font-weight': isStudied ? 700 : null}, shorten(name, isNarrow ? 11 : 18)),
-      draw('rect', {x: toX(at), y: y + 2, width: Math.max(toX(at + row.value) - toX(at), 1.2), height: 14, fill: color}),
-      draw('path', {d: `M${toX(at + row.low)},${y + 9}H${toX(at + row.high)}M${toX(at + row.low)},${y + 5}v8M${toX(at + row.high)},${y + 5}v8`,
+      draw('rect', {x: toX(at), y: y + 2, width: Math.max(toX(at + row.value) - toX(at), 1.2), height: 14, fill: color}));
+    if (row.low !== undefined) {
+      group.append(draw('path', {d: `M${toX(at + row.low)},${y + 9}H${toX(at + row.high)}M${toX(at + row.low)},${y + 5}v8M${toX(at + row.high)},${y + 5}v8`,
         stroke: 'var(--text)', 'stroke-width': 1.2}));
-    if (!isNarrow) group.append(draw('text', {x: Math.max(toX(at + row.high), toX(at + row.value)) + 7, y: y + 13, class: 'dim'}, `${digits(row.value, 3)} ms`));
+    }
+    group.append(draw('text', {x: toX(ends[i]) + 7, y: y + 13, class: 'dim outlined'}, `${digits(row.value, 3)} ms`));
     const cost = costs[i];
     if (cost) {
       const [a, middle, b] = cost.cost_ms;
@@ -53,11 +62,6 @@ function showPasses() {
     svg.append(group);
     at += row.value;
   });
-  const frame = point.rows.frame;
-  if (frame && frame.value !== undefined && frame.value <= high) {
-    svg.append(draw('path', {d: `M${toX(frame.value)},${top - 6}V${height - 26}`, stroke: 'var(--text)', 'stroke-dasharray': '5 3', 'stroke-width': 1.3}),
-      draw('text', {x: toX(frame.value), y: height - 10, 'text-anchor': 'middle'}, `frame ${digits(frame.value, 3)} ms`));
-  }
   into('passes', make('p', {}, make('strong', {}, point.name), `, ${data.scenes[point.scene].scene}: the frame alone takes ${withUnit(frame)} ${interval(frame)}.`),
     svg,
     make('p', {class: 'note'}, 'Filled: a pass\'s own time, submitted and waited for stage by stage, which makes a frame slower: their sum is not the frame. ',

@@ -9,6 +9,7 @@ from typing import Any
 from .. import statistics as s
 
 Json = dict[str, Any]
+TELLS_NOTHING = math.log(2)  # if no difference of times below 100 % could have been seen
 
 
 def verdict(study: Json, rows: list[Json], restless: dict[str, list[str]]) -> list[str]:
@@ -36,7 +37,7 @@ def best(study: Json, rows: list[Json]) -> str:
         return [point for point, found in words.items() if len(found) == len(scenes) and all(
             a["verdict"] in time and b["verdict"] in error for a, b in found.values())]
 
-    where = "" if len(scenes) == 1 else f" on all {len(scenes)} scenes"
+    where = {1: "", 2: " on both scenes"}.get(len(scenes), f" on all {len(scenes)} scenes")
     both = those({s.BETTER}, {s.BETTER})
     if both:
         chosen = max(both, key=lambda point: -sum(a["difference"] for a, _ in words[point].values()))
@@ -59,7 +60,7 @@ def best(study: Json, rows: list[Json]) -> str:
         (len(unclear), "undecided in time or error" + (" on a scene" if where else "")),
         (rest, "better in neither" + (" on every scene" if where else ""))) if count]
     if len(groups) == 1:
-        return text + ("the other one is " if len(words) == 1 else f"all {len(words)} others are ") + groups[0][1] + "."
+        return text + {1: "the other one is ", 2: "both others are "}.get(len(words), f"all {len(words)} others are ") + groups[0][1] + "."
     return text + f"of {len(words)} others " + ", ".join(f"{count} {'is' if count == 1 else 'are'} {what}" for count, what in groups) + "."
 
 
@@ -69,9 +70,11 @@ def trust(rows: list[Json], restless: dict[str, list[str]]) -> str:
     undecided = sum(row["verdict"] == s.UNDECIDED for row in told)
     lost = sorted({f"{name(row)} on {row['scene']} ({row['state']})" for row in rows if row["state"] != "ok"})
     parts = []
-    if times:
+    if times and min(times) > TELLS_NOTHING:
+        parts.append("this run could tell nothing about times: a frame that took twice as long could have been missed")
+    elif times:
         worst = max(times)
-        parts.append(f"A difference of frame times below {percent(min(times))}" + (
+        parts.append(f"a difference of frame times below {percent(min(times))}" + (
             f" to {percent(worst)}" if percent(worst) != percent(min(times)) else "") + " could not have been seen")
     parts.append(f"{undecided} of {len(told)} comparisons {'is' if undecided == 1 else 'are'} undecided")
     text = ", and ".join(parts)
@@ -79,7 +82,9 @@ def trust(rows: list[Json], restless: dict[str, list[str]]) -> str:
         text += f"; lost: {', '.join(lost[:3])}" + (f" and {len(lost) - 3} more" if len(lost) > 3 else "")
     warnings = [each for texts in restless.values() for each in texts]
     if warnings:
-        text += f"; the machine was restless: {warnings[0]}" + (f", and {len(warnings) - 1} more" if len(warnings) > 1 else "")
+        text += f"; the machine was restless: {warnings[0]}" + (
+            "" if len(warnings) == 1 else ' (1 more sign of it stands under "Machine and versions")' if len(warnings) == 2
+            else f' ({len(warnings) - 1} more signs of it stand under "Machine and versions")')
     return text[0].upper() + text[1:] + "."
 
 
@@ -88,10 +93,8 @@ def name(row: Json) -> str:
 
 
 def percent(log_ratio: float) -> str:
-    if not math.isfinite(log_ratio) or log_ratio > 10:
-        return "any size"
     value = 100 * math.expm1(log_ratio)
-    return f"{value:.2g} %" if value < 100 else f"{value:.0f} %"
+    return "more than 100 %" if value >= 100.5 else f"{value:.2g} %" if value < 99.5 else "100 %"
 
 
 def range_of(rows: list[Json]) -> str:

@@ -8,6 +8,8 @@
 
 #include <filesystem>
 #include <fstream>
+#include <tuple>
+#include <utility>
 
 namespace {
 
@@ -121,36 +123,166 @@ TEST(PathTracer, H2GoesOnFromACheckpointToTheSameBytes) {
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 2);
 }
 
-TEST(PathTracer, ACheckpointThatIsDamagedOrOfSomethingElseIsToldAndReplaced) {
+/// "" of a folder.
+std::string bytes_of(const std::filesystem::path& file) {
+  if (!std::filesystem::is_regular_file(file)) return {};
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+/// A graph with this checkpoint renders nothing, says `what`, twice as well as once, and leaves the file as it is.
+void expect_refused(Scene& scene, const std::string& file, const std::string& params, const std::string& what) {
+  const std::string before = bytes_of(file);
+  Graph graph(graph_text("params.samples = 8\nparams.checkpoint = \"" + file + "\"\n" + params, kDim, 16));
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(heddle_render(graph.handle, scene.handle, nullptr), HEDDLE_BAD_INPUT) << what;
+    EXPECT_THAT(heddle_error(Host::get().handle), testing::HasSubstr(what));
+  }
+  EXPECT_EQ(bytes_of(file), before) << what;
+}
+
+TEST(PathTracer, AFileThatIsNotItsOwnCheckpointIsRefusedAndStaysAsItIs) {
   Scene scene;
   furnish(scene);
   const Folder folder;
   std::filesystem::create_directories(folder.path());
-  const std::string file = (folder.path() / "room").string();
-  const std::string place = "params.checkpoint = \"" + file + "\"\n";
-  Graph made(graph_text("params.samples = 8\n" + place, kDim, 16));
-  made.render(scene);
-  {
-    std::fstream bytes(file, std::ios::in | std::ios::out | std::ios::binary);
-    bytes.seekp(2000);
-    bytes.put('x');
+  const std::string notes = (folder.path() / "notes.txt").string();
+  for (const char* text : {"", "HDLPAT", "what took a week to write, and is longer than a head of forty bytes"}) {
+    std::ofstream(notes, std::ios::binary) << text;
+    expect_refused(scene, notes, "", "checkpoint '" + notes + "' is there and is no checkpoint of this technique");
   }
+  expect_refused(scene, folder.path().string(), "", "is no checkpoint of this technique");
+
+  const std::string file = (folder.path() / "room").string();
+  Graph made(graph_text("params.samples = 8\nparams.checkpoint = \"" + file + "\"\n", kDim, 16));
+  made.render(scene);
+  expect_refused(scene, file, "params.bounces = 2\nparams.visibility = true",
+                 "checkpoint '" + file +
+                     "' was made of something else (bounces 0 instead of 2, visibility false instead "
+                     "of true): it stays as it is; give another name, delete it, or give a folder");
+  Scene moved;
+  furnish(moved, {0.1, 1, 3.4});
+  expect_refused(moved, file, "", "was made of something else (another scene, or seen from elsewhere");
+  Scene changed;
+  furnish(changed);
+  changed.add_floor({0, 1, 0}, 0.1);
+  expect_refused(changed, file, "", "was made of something else (another scene, or seen from elsewhere)");
+  Graph wide(graph_text("params.samples = 8\nparams.checkpoint = \"" + file + "\"\n", kDim, 24));
+  EXPECT_EQ(heddle_render(wide.handle, scene.handle, nullptr), HEDDLE_BAD_INPUT);
+  EXPECT_THAT(heddle_error(Host::get().handle), testing::HasSubstr("extent \"16 x 16\" instead of \"24 x 24\""));
+  // One of another format, and one of another version of what a sample is.
+  const std::string whole = bytes_of(file);
+  const std::string old = (folder.path() / "old").string();
+  std::ofstream(old, std::ios::binary) << "HDLPATH1" << whole.substr(8);
+  expect_refused(scene, old, "", "(its format is of another version)");
+  EXPECT_THAT(whole, testing::HasSubstr("\"version\": 2, "));
+  Graph again(graph_text("params.samples = 8\nparams.checkpoint = \"" + file + "\"\n", kDim, 16));
+  again.render(scene);
+  EXPECT_EQ(counter(again, "samples_taken_up"), 8U) << "after all this it is still good";
+}
+
+TEST(PathTracer, ADamagedCheckpointIsSetAside) {
+  Scene scene;
+  furnish(scene);
+  const Folder folder;
+  std::filesystem::create_directories(folder.path());
+  const std::filesystem::path file = folder.path() / "room";
+  const std::string text = graph_text("params.samples = 8\nparams.checkpoint = \"" + file.string() + "\"\n", kDim, 16);
+  Graph(text).render(scene);
+  const std::string whole = bytes_of(file);
   Host& host = Host::get();
-  host.log.clear();
-  Graph after(graph_text("params.samples = 8\n" + place, kDim, 16));
-  after.render(scene);
-  EXPECT_EQ(counter(after, "samples"), 8U);
-  EXPECT_THAT(host.log, testing::Contains(testing::HasSubstr("checkpoint '" + file +
-                                                             "' is damaged: begins anew, and takes its place")));
-  host.log.clear();
-  Graph other(graph_text("params.samples = 8\nparams.bounces = 2\n" + place, kDim, 16));
-  other.render(scene);
-  EXPECT_THAT(host.log, testing::Contains(testing::HasSubstr(
-                            "checkpoint '" + file +
-                            "' is of another scene, view or settings: begins anew, and takes its place")));
-  Graph third(graph_text("params.samples = 8\nparams.bounces = 2\n" + place, kDim, 16));
-  third.render(scene);
-  EXPECT_EQ(counter(third, "rays"), 0U);
+  // In its key, its size, its settings and its pixels; cut short behind its head, and within it.
+  int i = 0;
+  for (const std::size_t at : {8U, 24U, 60U, 2000U, 1000U, 20U}) {
+    std::string damaged = whole;
+    if (++i > 4) {
+      damaged.resize(at);
+    } else {
+      damaged[at] = static_cast<char>(damaged[at] ^ 4);
+    }
+    std::ofstream(file, std::ios::binary | std::ios::trunc) << damaged;
+    host.log.clear();
+    Graph after(text);
+    after.render(scene);
+    EXPECT_EQ(counter(after, "samples"), 8U) << at;
+    const std::string aside = "room.damaged" + (i > 1 ? std::to_string(i) : "");
+    EXPECT_THAT(host.log,
+                testing::Contains(testing::HasSubstr("checkpoint '" + file.string() + "' is damaged: it is '" + aside +
+                                                     "' now, and its samples are taken anew")));
+    EXPECT_EQ(bytes_of(folder.path() / aside), damaged) << at;
+    EXPECT_EQ(bytes_of(file), whole) << at;
+  }
+}
+
+/// Another host in the shared one's place, that is cancelled at its n-th word of how far a trace has come.
+class CancellingHost {
+ public:
+  explicit CancellingHost(int after) : after_(after) {
+    const std::string path = HEDDLE_BUILD_DIR "/lib/heddle/plugins:" HEDDLE_BUILD_DIR "/tests/plugins";
+    heddle_host_options options{};
+    options.struct_size = sizeof options;
+    options.plugin_path = path.c_str();
+    options.progress = [](void* user, const char* activity, double done) -> std::uint32_t {
+      auto& self = *static_cast<CancellingHost*>(user);
+      if (std::string(activity) != "stage 'trace' of pass 'pt'") return 0;
+      // The first word is the host's, of the frame as it begins the stage.
+      if (!std::exchange(self.has_begun_, true)) return 0;
+      self.told.push_back(done);
+      if (static_cast<int>(self.told.size()) == self.after_) heddle_cancel(self.handle_);
+      return 0;
+    };
+    options.progress_user = this;
+    EXPECT_EQ(heddle_create(&options, &handle_), HEDDLE_OK) << heddle_error(nullptr);
+    std::swap(handle_, Host::get().handle);
+    shared_ = handle_;
+    handle_ = Host::get().handle;
+  }
+  ~CancellingHost() {
+    Host::get().handle = shared_;
+    heddle_destroy(handle_);
+  }
+  CancellingHost(const CancellingHost&) = delete;
+  CancellingHost& operator=(const CancellingHost&) = delete;
+  std::vector<double> told;
+
+ private:
+  int after_;
+  bool has_begun_ = false;
+  heddle_host* handle_ = nullptr;
+  heddle_host* shared_ = nullptr;
+};
+
+TEST(PathTracer, StopsWithinAStepAndKeepsWhatIsTraced) {
+  const Folder folder;
+  constexpr int kTold = 3;
+  // A tile of many samples, and more tiles than a step has.
+  for (const auto& [extent, samples, most] : {std::tuple{8U, 1000000U, 1024U}, std::tuple{144U, 1000U, 4U}}) {
+    const std::string place = "params.checkpoint = \"" + folder.path().string() + "/\"\n";
+    const std::string sky = "technique = \"uniform\"";
+    {
+      CancellingHost host(kTold);
+      Scene nothing;
+      nothing.look({0, 0, 1}, {0, 0, 0});
+      Graph graph(graph_text("params.samples = " + std::to_string(samples) + "\n" + place, sky, extent));
+      EXPECT_EQ(heddle_render(graph.handle, nothing.handle, nullptr), HEDDLE_CANCELLED);
+      ASSERT_EQ(host.told.size(), static_cast<std::size_t>(kTold)) << "nothing goes on after it was cancelled";
+      for (std::size_t i = 0; i < host.told.size(); ++i) {
+        const double paths = (host.told[i] - (i > 0 ? host.told[i - 1] : 0.0)) * samples * extent * extent;
+        EXPECT_GT(paths, 0.0);
+        EXPECT_LE(paths, 65536.0 * (1 + 1e-9));
+      }
+    }
+    // Up to the step in which it was cancelled, and that one.
+    Scene nothing;
+    nothing.look({0, 0, 1}, {0, 0, 0});
+    const std::uint32_t more = extent == 8 ? 5000 : 10;
+    Graph graph(graph_text("params.samples = " + std::to_string(more) + "\n" + place, sky, extent));
+    graph.render(nothing);
+    const std::uint64_t kept = counter(graph, "samples_taken_up");
+    EXPECT_GT(kept, 0U);
+    EXPECT_LE(kept, (kTold + 1) * most);
+    EXPECT_EQ(counter(graph, "samples"), more - kept);
+  }
 }
 
 TEST(PathTracer, H3PartsSumUpToRadianceAndEndWhereBouncesDo) {
@@ -206,6 +338,60 @@ TEST(PathTracer, VisibilityIsThatOfTheRolesItIsTheTruthOf) {
   EXPECT_NEAR(lit, 0.5, 5e-3);
 }
 
+TEST(PathTracer, VisibilityIsThatOfTheFirstSolidSurfaceBehindLayers) {
+  // A floor in a closed box is neither open nor lit; the camera within it looks through two layers.
+  const auto show = [](int layers) {
+    Scene scene;
+    scene.use_material(surface(0.5, 1.0, 0.0));
+    scene.add_floor({0, 0, 0}, 1.0);
+    scene.add_box({-1, 1, -1}, {1, 1.1, 1});  // the lid
+    for (const double side : {-1.0, 1.0}) {
+      scene.add_box({side - 0.05, -0.1, -1.1}, {side + 0.05, 1.1, 1.1});
+      scene.add_box({-1.1, -0.1, side - 0.05}, {1.1, 1.1, side + 0.05});
+    }
+    HeddleMaterial half = surface(0.5, 1.0, 0.0);
+    half.alpha_mode = HEDDLE_ALPHA_BLEND;
+    half.base_color[3] = 0.5F;
+    HeddleMaterial whole = half;  // blended, yet nothing is seen through it
+    whole.base_color[3] = 1.0F;
+    if (layers > 0) scene.use_material(half);
+    if (layers > 0) scene.add_floor({0, 0.3, 0}, 0.8);
+    if (layers > 1) scene.use_material(whole);
+    if (layers > 1) scene.add_floor({0, 0.2, 0}, 0.8);
+    scene.add_light(light(HEDDLE_LIGHT_POINT, {0, -1, 0}, 1.0), {0, 5, 0});
+    scene.look({0.1, 0.8, 0}, {0, 0, 0}, 0.3);
+    Graph graph(graph_text("params.samples = 64\nparams.visibility = true\nparams.occlusion_radius = 10", "", 16));
+    std::vector<Image> images = all_ports(graph, scene);
+    // One ray of each kind for each sample, whatever is in front.
+    EXPECT_EQ(counter(graph, "visibility_rays"), 2U * 64 * 16 * 16) << layers;
+    return images;
+  };
+  for (const int layers : {0, 1, 2}) {
+    const std::vector<Image> images = show(layers);
+    for (const int port : {4, 7})
+      for (const float pixel : images[static_cast<std::size_t>(port)].pixels) ASSERT_EQ(pixel, 0.0F) << layers;
+  }
+}
+
+TEST(PathTracer, ShadowLightIsOneOfThoseThatThereAre) {
+  const auto refused = [](Scene& scene, const char* number) -> std::string {
+    Graph graph(
+        graph_text(std::string("params.samples = 1\nparams.visibility = true\nparams.shadow_light = ") + number));
+    EXPECT_EQ(heddle_render(graph.handle, scene.handle, nullptr), HEDDLE_BAD_INPUT);
+    return heddle_error(Host::get().handle);
+  };
+  Scene scene;
+  scene.add_floor({0, 0, 0}, 1.0);
+  scene.look({0, 1, 1}, {0, 0, 0});
+  EXPECT_THAT(refused(scene, "0"), testing::HasSubstr("shadow_light: no light has the number 0; there are no lights"));
+  scene.add_light(light(HEDDLE_LIGHT_POINT), {0, 1, 0});
+  EXPECT_THAT(refused(scene, "1"), testing::HasSubstr("no light has the number 1; there is 1 light, number 0"));
+  scene.add_light(light(HEDDLE_LIGHT_POINT), {0, 2, 0});
+  EXPECT_THAT(refused(scene, "7"), testing::HasSubstr("no light has the number 7; there are 2 lights, numbers 0 to 1"));
+  Graph last(graph_text("params.samples = 1\nparams.visibility = true\nparams.shadow_light = 1"));
+  last.render(scene);
+}
+
 /// A plane under count x count point lights with a range of two of their distances: the exact sum is known.
 Measured grid_of_lights(int count, double& truth) {
   Scene scene;
@@ -238,7 +424,10 @@ TEST(PathTracer, H5TenThousandLightsAreSampledAsWellAsAHundred) {
   double truth = 0.0, truth_of_few = 0.0;
   const Measured few = grid_of_lights(10, truth_of_few);
   const Measured many = grid_of_lights(100, truth);
-  EXPECT_NEAR(truth, truth_of_few, 1.0 * truth);
+  // No light beyond the hundred reaches the point: both sums are the same, and so both means, within their errors.
+  EXPECT_NEAR(truth, truth_of_few, 1e-12 * truth);
+  EXPECT_LT(std::abs(many.mean.x - few.mean.x),
+            4.0 * std::hypot(few.standard_error.x, many.standard_error.x) + 2e-4 * truth);
   EXPECT_LT(std::abs(few.mean.x - truth_of_few), 4.0 * few.standard_error.x + 2e-4 * truth_of_few);
   EXPECT_LT(std::abs(many.mean.x - truth), 4.0 * many.standard_error.x + 2e-4 * truth);
   EXPECT_LT(many.standard_error.x / truth, 1.25 * few.standard_error.x / truth_of_few);
