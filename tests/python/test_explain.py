@@ -104,5 +104,5 @@ def test_numbers_of_another_unit_are_warned_of(tmp_path):
 def test_without_a_scene_an_artifact_is_not_there_yet(command):
     done = explain(command, "baked_ao")
     assert done.returncode == 0
-    assert "input 'occlusion' is not there yet: the job that makes it has not run" in done.stdout.splitlines()[0]
-    assert "is no baked visibility" not in done.stdout
+    assert "input 'occlusion' is not there yet: the job that makes it has not run" in done.stderr
+    assert "is no baked visibility" not in done.stderr
