@@ -102,7 +102,7 @@ def test_numbers_of_another_unit_are_warned_of(tmp_path):
 
 
 def test_without_a_scene_an_artifact_is_not_there_yet(command):
-    done = explain(command, "baked_ao")
+    done = subprocess.run([command, "explain", "baked_ao"], capture_output=True, text=True)
     assert done.returncode == 0
     assert "input 'occlusion' is not there yet: the job that makes it has not run" in done.stderr
     assert "is no baked visibility" not in done.stderr
