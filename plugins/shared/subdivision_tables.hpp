@@ -134,6 +134,25 @@ class Tables {
     return is_posed;
   }
 
+  /// Stages of such a technique, in this order: cpu stages that write the tables and the points, and one, of either
+  /// kind, that calls set_batches where it finds them due.
+  enum Stage : std::uint32_t { kTables, kPose, kBatches };
+
+  std::uint32_t activity(const pass::Frame& frame) {
+    if (frame.stage() == kTables) return are_due ? HEDDLE_RUN : HEDDLE_KEEP;
+    if (frame.stage() == kPose) {
+      is_posed_ = find_posed(frame.host());
+      return is_posed_ ? HEDDLE_RUN : HEDDLE_KEEP;
+    }
+    return is_posed_ || batches_are_due ? HEDDLE_RUN : HEDDLE_KEEP;
+  }
+  heddle_status write(const pass::Frame& frame) {
+    return frame.stage() == kTables ? write_tables(frame) : write_points(frame);
+  }
+
+  bool batches_are_due = true;  // until whoever sets them says otherwise
+
+ private:
   heddle_status write_tables(const pass::Frame& frame) {
     std::vector<std::uint32_t> indices;
     std::vector<Corner> corners;
@@ -146,6 +165,7 @@ class Tables {
     if (status == HEDDLE_OK) status = copy_to<Row>(frame, "rows", rows_);
     if (status == HEDDLE_OK) status = copy_to<Influence>(frame, "influences", influences_);
     are_due = false;
+    batches_are_due = true;
     return status;
   }
 
@@ -167,7 +187,6 @@ class Tables {
     return copy_to<float>(frame, "points", points);
   }
 
- private:
   heddle_status set_sizes(const pass::PassHost& host, const Place& end, bool keeps_vertices) const {
     const std::pair<const char*, std::uint64_t> sizes[] = {
         {"vertices", keeps_vertices ? std::uint64_t{end.first_vertex} * sizeof(HeddleVertex) : 0},
@@ -203,6 +222,7 @@ class Tables {
   std::vector<Row> rows_;
   std::vector<Influence> influences_;
   std::uint32_t points_ = 0;
+  bool is_posed_ = false;
 };
 
 /// Parameters of techniques with such tables.

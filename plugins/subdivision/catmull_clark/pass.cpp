@@ -8,6 +8,7 @@ namespace {
 using namespace heddle::pass;
 using heddle::subdivision::kParameters;
 using heddle::subdivision::Place;
+using heddle::subdivision::Tables;
 
 constexpr heddle_port kPorts[] = {
     surfaces_out("surfaces", HEDDLE_INOUT, "vertices", "indices", "subdivided instances in the place of their meshes"),
@@ -18,7 +19,6 @@ constexpr heddle_port kPorts[] = {
     buffer_out("influences", 0, "uvec4 influences[];", "points of cages, and their weights", HEDDLE_PORT_KEPT),
     buffer_out("points", 0, "vec4 points[];", "of the cages, as they are bent", HEDDLE_PORT_KEPT),
 };
-enum Stage : std::uint32_t { kTables, kPose, kRefine };
 constexpr heddle_access kTablesAccess[] = {host_write("indices"), host_write("corners"), host_write("rows"),
                                            host_write("influences")};
 constexpr heddle_access kPoseAccess[] = {host_write("points")};
@@ -33,20 +33,8 @@ class CatmullClark {
  public:
   heddle_status declare(const PassHost& host) { return tables_.declare(host, true); }
 
-  std::uint32_t activity(const Frame& frame) {
-    if (frame.stage() == kTables) return tables_.are_due ? HEDDLE_RUN : HEDDLE_KEEP;
-    if (frame.stage() == kPose) {
-      is_posed_ = tables_.find_posed(frame.host());
-      return is_posed_ ? HEDDLE_RUN : HEDDLE_KEEP;
-    }
-    return is_posed_ || batches_are_due_ ? HEDDLE_RUN : HEDDLE_KEEP;
-  }
-
-  heddle_status execute(const Frame& frame) {
-    if (frame.stage() == kPose) return tables_.write_points(frame);
-    batches_are_due_ = true;
-    return tables_.write_tables(frame);
-  }
+  std::uint32_t activity(const Frame& frame) { return tables_.activity(frame); }
+  heddle_status execute(const Frame& frame) { return tables_.write(frame); }
 
   heddle_status record(const Frame& frame) {
     const Meshes meshes(frame.host());
@@ -67,7 +55,7 @@ class CatmullClark {
       all.push_back(heddle::subdivision::batch_of(*place.object, meshes.mesh(place.object->mesh), place.first_vertex,
                                                   place.first_index, steps));
     }
-    batches_are_due_ = false;
+    tables_.batches_are_due = false;
     return frame.set_batches("surfaces", all, ++revision_);
   }
 
@@ -76,9 +64,8 @@ class CatmullClark {
     std::uint32_t first_corner, count, first_vertex, previous_vertex;
   };
 
-  heddle::subdivision::Tables tables_;
+  Tables tables_;
   std::uint64_t revision_ = 0;
-  bool batches_are_due_ = true, is_posed_ = false;
 };
 
 constexpr heddle_technique kTechnique = [] {

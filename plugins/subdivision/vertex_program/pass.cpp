@@ -7,6 +7,7 @@ namespace {
 using namespace heddle::pass;
 using heddle::subdivision::kParameters;
 using heddle::subdivision::Place;
+using heddle::subdivision::Tables;
 
 constexpr heddle_port kPorts[] = {
     surfaces_out("surfaces", HEDDLE_INOUT, nullptr, "indices", "subdivided instances in the place of their meshes"),
@@ -16,7 +17,6 @@ constexpr heddle_port kPorts[] = {
     buffer_out("influences", 0, "uvec4 influences[];", "points of cages, and their weights", HEDDLE_PORT_KEPT),
     buffer_out("points", 0, "vec4 points[];", "of the cages, as they are bent", HEDDLE_PORT_KEPT),
 };
-enum Stage : std::uint32_t { kTables, kPose, kBatches };
 constexpr heddle_access kTablesAccess[] = {host_write("indices"), host_write("corners"), host_write("rows"),
                                            host_write("influences")};
 constexpr heddle_access kPoseAccess[] = {host_write("points")};
@@ -31,20 +31,9 @@ class VertexProgram {
  public:
   heddle_status declare(const PassHost& host) { return tables_.declare(host, false); }
 
-  std::uint32_t activity(const Frame& frame) {
-    if (frame.stage() == kTables) return tables_.are_due ? HEDDLE_RUN : HEDDLE_KEEP;
-    if (frame.stage() == kPose) {
-      is_posed_ = tables_.find_posed(frame.host());
-      return is_posed_ ? HEDDLE_RUN : HEDDLE_KEEP;
-    }
-    return is_posed_ || batches_are_due_ ? HEDDLE_RUN : HEDDLE_KEEP;
-  }
-
+  std::uint32_t activity(const Frame& frame) { return tables_.activity(frame); }
   heddle_status execute(const Frame& frame) {
-    if (frame.stage() == kPose) return tables_.write_points(frame);
-    if (frame.stage() == kBatches) return set_batches(frame);
-    batches_are_due_ = true;
-    return tables_.write_tables(frame);
+    return frame.stage() == Tables::kBatches ? set_batches(frame) : tables_.write(frame);
   }
 
  private:
@@ -57,13 +46,12 @@ class VertexProgram {
                                                   place.first_index, 0));
       all.back().vertex_count = place.corner_count();
     }
-    batches_are_due_ = false;
+    tables_.batches_are_due = false;
     return frame.set_batches("surfaces", all, ++revision_);
   }
 
-  heddle::subdivision::Tables tables_;
+  Tables tables_;
   std::uint64_t revision_ = 0;
-  bool batches_are_due_ = true, is_posed_ = false;
 };
 
 constexpr heddle_technique kTechnique = [] {
