@@ -20,7 +20,8 @@ import numpy as np
 from . import metrics
 from . import statistics as s
 from .study import Point
-from .study_run import AGAIN, SEEDS, SceneRun, is_finite
+from .study_run import AGAIN, SEEDS, SceneRun
+from .study_rows import is_finite
 
 
 def measure(run: SceneRun) -> list[dict[str, Any]]:

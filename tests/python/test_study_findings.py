@@ -12,7 +12,7 @@ import heddle
 from heddle import cost_model, domination, leave_one_out, side_times
 from heddle import statistics as s
 from heddle import study as definition
-from heddle import study_items, study_run
+from heddle import study_items, study_rows, study_run
 from heddle.study import Point
 
 SCENE = argparse.Namespace(name="box")
@@ -160,7 +160,7 @@ def test_the_cost_of_a_pass_is_the_frame_with_it_minus_without_it(tmp_path):
     assert found["gbuffer"]["note"] == "it cannot be left out: pass 'ao': nothing makes its input 'depth'"
     rows = leave_one_out.table_rows("study", list(found.values()))
     assert [(row["quantity"], row["value"]) for row in rows] == [("leave-one-out ao", 4.0), ("leave-one-out material", 1.0)]
-    assert set().union(*rows) <= set(study_run.COLUMNS)
+    assert set().union(*rows) <= set(study_rows.COLUMNS)
     json.dumps(list(found.values()), allow_nan=False)
 
 
