@@ -104,6 +104,8 @@ std::uint32_t Session::progress(const char* activity, double fraction) {
 void Session::run() {
   try {
     open();
+    // Before anybody may ask for it: who waits for the session reads the first report at once.
+    publish();
     const std::lock_guard lock(mutex_);
     is_open_ = true;
     condition_.notify_all();
@@ -114,7 +116,6 @@ void Session::run() {
     condition_.notify_all();
     return;
   }
-  publish();
   while (!is_closing_.load()) {
     std::deque<Waiting> orders;
     {

@@ -76,6 +76,7 @@ class Viewer:
                                         stderr=subprocess.PIPE, text=True, preexec_fn=default_signals,
                                         env=os.environ | {"DISPLAY": screen.display, "LIBGL_ALWAYS_SOFTWARE": "1"})
         self.states: list[dict] = []
+        self.has_ended = False
         self.has_state = threading.Condition()
         self.reader = threading.Thread(target=self._read, daemon=True)
         self.reader.start()
@@ -86,11 +87,15 @@ class Viewer:
             with self.has_state:
                 self.states.append(json.loads(line))
                 self.has_state.notify_all()
+        with self.has_state:
+            self.has_ended = True
+            self.has_state.notify_all()
 
     def state(self, number: int) -> dict:
         """What the script's command 'state' printed, counted from 0."""
         with self.has_state:
-            assert self.has_state.wait_for(lambda: len(self.states) > number, PATIENCE), self.stop()
+            self.has_state.wait_for(lambda: len(self.states) > number or self.has_ended, PATIENCE)
+            assert len(self.states) > number, self.stop()
             return self.states[number]
 
     def wait(self) -> tuple[int, str]:
