@@ -39,10 +39,6 @@ std::string code(const std::string& text) {
   return text.empty() ? "" : "`" + text + "`";
 }
 
-std::string text_of(const Json& object, const char* key) {
-  return object[key].get<std::string>();
-}
-
 /// A table; without rows nothing at all.
 class Table {
  public:

@@ -17,10 +17,6 @@ namespace {
 // Every device stores to it, and it holds every range; the comment beside it says to choose a smaller one.
 constexpr std::string_view kFormat = "VK_FORMAT_R32G32B32A32_SFLOAT";
 
-std::string text_of(const Json& object, const char* key) {
-  return object[key].get<std::string>();
-}
-
 std::string c_literal(std::string_view text) {
   std::string result = "\"";
   for (const char c : text) {

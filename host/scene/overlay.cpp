@@ -454,15 +454,6 @@ Change read_camera(Table& table, const std::string& name, bool is_new) {
   };
 }
 
-template <typename Things>
-std::vector<std::string> names_of(const Things& things) {
-  std::vector<std::string> names;
-  for (const auto& thing : things) {
-    names.push_back(thing.name);
-  }
-  return names;
-}
-
 /// "4 names and more" would help nobody: the first ones are enough to see how they look.
 std::string some_of(const std::vector<std::string>& names) {
   constexpr std::size_t kShown = 12;

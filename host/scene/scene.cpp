@@ -59,15 +59,6 @@ Json json_of(const glm::dvec3& vector) {
   return {vector.x, vector.y, vector.z};
 }
 
-template <typename Elements>
-Json names_of(const Elements& elements) {
-  Json names = Json::array();
-  for (const auto& element : elements) {
-    names.push_back(element.name);
-  }
-  return names;
-}
-
 /// What was written, as it is written: words of choices, true and false.
 Json describe(const Component& component) {
   Json properties = Json::object();

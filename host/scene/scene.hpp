@@ -179,6 +179,14 @@ inline std::uint64_t component_revision(const Scene& scene) {
   return scene.content_revision + scene.components.revision();
 }
 
+/// Of cameras, lights, materials, instances, in their order.
+template <typename Elements>
+std::vector<std::string> names_of(const Elements& elements) {
+  std::vector<std::string> names;
+  for (const auto& element : elements) names.push_back(element.name);
+  return names;
+}
+
 /// Direction and place of a light at a node; it shines along the node's -Z.
 void place_light(Light& light, const glm::dmat4& scene_from_node);
 

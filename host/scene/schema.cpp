@@ -36,7 +36,7 @@ Json name(std::string_view help) {
   return {{"type", "string"}, {"description", help}, {"minLength", 1}};
 }
 
-const Json kUnit{{"minimum", 0}, {"maximum", 1}}, kNotNegative{{"minimum", 0}}, kPositive{{"exclusiveMinimum", 0}},
+const Json kUnitRange{{"minimum", 0}, {"maximum", 1}}, kNotNegativeRange{{"minimum", 0}}, kPositiveRange{{"exclusiveMinimum", 0}},
     kAngle{{"minimum", 0}, {"maximum", std::numbers::pi}};
 
 Json property(const ComponentProperty& declared) {
@@ -107,8 +107,8 @@ Json camera() {
           {"position", numbers(3, "metres")},
           {"target", numbers(3, "what it looks at, metres; needs a position")},
           {"vertical_angle", number("radians", {{"minimum", 1e-6}, {"maximum", 3.14159}})},
-          {"orthographic_half_height", number("metres; makes the camera orthographic", kPositive)},
-          {"near", number("metres", kPositive)}};
+          {"orthographic_half_height", number("metres; makes the camera orthographic", kPositiveRange)},
+          {"near", number("metres", kPositiveRange)}};
 }
 
 Json light() {
@@ -122,11 +122,11 @@ Json light() {
       {"intensity", numbers(3,
                             "linear Rec.709; directional and box lux; point, spot, capsule, cone, wedge candela; "
                             "sphere, rectangle cd/m^2",
-                            kNotNegative)},
-      {"half_extent", numbers(3, "metres", kNotNegative)},
-      {"range", number("metres, beyond which it is exactly 0; 0: no end", kNotNegative)},
-      {"radius", number("metres", kNotNegative)},
-      {"segment_length", number("metres", kNotNegative)},
+                            kNotNegativeRange)},
+      {"half_extent", numbers(3, "metres", kNotNegativeRange)},
+      {"range", number("metres, beyond which it is exactly 0; 0: no end", kNotNegativeRange)},
+      {"radius", number("metres", kNotNegativeRange)},
+      {"segment_length", number("metres", kNotNegativeRange)},
       {"inner_angle", number("radians from the axis, where the fall-off begins", kAngle)},
       {"outer_angle", number("radians from the axis, where the light ends", kAngle)},
       {"texture", text("image on a rectangle, seen from its lit side with the tangent to the right: its radiance is "
@@ -136,15 +136,15 @@ Json light() {
 
 Json material() {
   return {{"name", name("of a material that the scene has")},
-          {"base_color", numbers(4, "linear Rec.709 and alpha", kUnit)},
-          {"emissive", numbers(3, "cd/m^2, linear Rec.709", kNotNegative)},
-          {"metalness", number("0 dielectric, 1 metal", kUnit)},
-          {"roughness", number("perceptual, as glTF's", kUnit)},
+          {"base_color", numbers(4, "linear Rec.709 and alpha", kUnitRange)},
+          {"emissive", numbers(3, "cd/m^2, linear Rec.709", kNotNegativeRange)},
+          {"metalness", number("0 dielectric, 1 metal", kUnitRange)},
+          {"roughness", number("perceptual, as glTF's", kUnitRange)},
           {"normal_scale", number("of the normal map")},
-          {"occlusion_strength", number("of the occlusion texture", kUnit)},
+          {"occlusion_strength", number("of the occlusion texture", kUnitRange)},
           {"ior", number("index of refraction", {{"minimum", 1}})},
-          {"transmission", number("part of the light that goes through", kUnit)},
-          {"alpha_cutoff", number("with alpha_mode mask: what is below is a hole", kNotNegative)},
+          {"transmission", number("part of the light that goes through", kUnitRange)},
+          {"alpha_cutoff", number("with alpha_mode mask: what is below is a hole", kNotNegativeRange)},
           {"alpha_mode", word("what alpha means", {"opaque", "mask", "blend"})},
           {"double_sided", boolean("seen from behind too")},
           {"unlit", boolean("base_color is radiance as it is")}};

@@ -23,28 +23,28 @@ constexpr std::uint32_t kLoopsWithoutWarning = 8;
 
 // ---- a walk over the words: which functions exist, whom they call, how many loops each has ----
 
-struct FunctionWords {
+struct FunctionCalls {
   std::string name;
   std::uint32_t loops = 0;
   std::vector<std::uint32_t> calls;
 };
-struct Module {
+struct CallGraph {
   std::uint32_t entry = 0;
-  std::map<std::uint32_t, FunctionWords> functions;
+  std::map<std::uint32_t, FunctionCalls> functions;
 };
 
-Module read_module(std::span<const std::uint32_t> words) {
+CallGraph read_calls(std::span<const std::uint32_t> words) {
   constexpr std::size_t kHeaderWords = 5;
-  Module module;
+  CallGraph graph;
   std::map<std::uint32_t, std::string> names;
-  FunctionWords* current = nullptr;
+  FunctionCalls* current = nullptr;
   for (std::size_t at = kHeaderWords; at < words.size();) {
     const std::uint32_t count = words[at] >> 16U;
     const auto operation = static_cast<spv::Op>(words[at] & 0xffffU);
     if (count == 0 || at + count > words.size()) break;
     const std::span<const std::uint32_t> operands = words.subspan(at + 1, count - 1);
     if (operation == spv::OpEntryPoint && operands.size() >= 2) {
-      module.entry = operands[1];
+      graph.entry = operands[1];
     } else if (operation == spv::OpName && !operands.empty()) {
       // Characters are packed four a word, the first lowest, until a zero.
       std::string& name = names[operands[0]];
@@ -54,7 +54,7 @@ Module read_module(std::span<const std::uint32_t> words) {
         name += c;
       }
     } else if (operation == spv::OpFunction && operands.size() >= 2) {
-      current = &module.functions[operands[1]];
+      current = &graph.functions[operands[1]];
       current->name = names[operands[1]].substr(0, names[operands[1]].find('('));
     } else if (operation == spv::OpFunctionCall && operands.size() >= 3 && current != nullptr) {
       current->calls.push_back(operands[2]);
@@ -63,32 +63,32 @@ Module read_module(std::span<const std::uint32_t> words) {
     }
     at += count;
   }
-  return module;
+  return graph;
 }
 
 // Visits everything reachable from a function once, itself included, unless `enters` forbids it.
-void walk(const Module& module, std::uint32_t function, std::set<std::uint32_t>& seen,
-          const std::function<bool(const FunctionWords&)>& enters) {
-  const auto found = module.functions.find(function);
-  if (found == module.functions.end() || !enters(found->second) || !seen.insert(function).second) return;
-  for (const std::uint32_t callee : found->second.calls) walk(module, callee, seen, enters);
+void walk(const CallGraph& graph, std::uint32_t function, std::set<std::uint32_t>& seen,
+          const std::function<bool(const FunctionCalls&)>& enters) {
+  const auto found = graph.functions.find(function);
+  if (found == graph.functions.end() || !enters(found->second) || !seen.insert(function).second) return;
+  for (const std::uint32_t callee : found->second.calls) walk(graph, callee, seen, enters);
 }
 
-std::uint32_t loops_of(const Module& module, const std::set<std::uint32_t>& functions) {
+std::uint32_t loops_of(const CallGraph& graph, const std::set<std::uint32_t>& functions) {
   std::uint32_t loops = 0;
-  for (const std::uint32_t function : functions) loops += module.functions.at(function).loops;
+  for (const std::uint32_t function : functions) loops += graph.functions.at(function).loops;
   return loops;
 }
 
 void count_loops(const JoinedText& join, CompiledShader& shader) {
-  const Module module = read_module(shader.spirv);
+  const CallGraph graph = read_calls(shader.spirv);
   std::set<std::uint32_t> reachable;
-  walk(module, module.entry, reachable, [](const FunctionWords&) { return true; });
-  shader.loops = loops_of(module, reachable);
+  walk(graph, graph.entry, reachable, [](const FunctionCalls&) { return true; });
+  shader.loops = loops_of(graph, reachable);
   if (shader.loops <= kLoopsWithoutWarning) return;
 
   // A provider's loops: those of its own functions and of the shared ones that they call, not of other providers.
-  const auto is_of = [](const Provider& provider, const FunctionWords& function) {
+  const auto is_of = [](const Provider& provider, const FunctionCalls& function) {
     return function.name.ends_with(provider.suffix) &&
            provider.names.contains(
                std::string_view(function.name).substr(0, function.name.size() - provider.suffix.size()));
@@ -98,8 +98,8 @@ void count_loops(const JoinedText& join, CompiledShader& shader) {
   for (const Provider& provider : join.providers) {
     std::set<std::uint32_t> own;
     for (const std::uint32_t function : reachable) {
-      if (!is_of(provider, module.functions.at(function))) continue;
-      walk(module, function, own, [&](const FunctionWords& other) {
+      if (!is_of(provider, graph.functions.at(function))) continue;
+      walk(graph, function, own, [&](const FunctionCalls& other) {
         const bool is_role_function =
             std::any_of(join.request->roles.begin(), join.request->roles.end(), [&](const RoleRequest& role) {
               return std::any_of(role.role->functions.begin(), role.role->functions.end(),
@@ -108,13 +108,13 @@ void count_loops(const JoinedText& join, CompiledShader& shader) {
         return !is_role_function;
       });
     }
-    const std::uint32_t loops = loops_of(module, own);
+    const std::uint32_t loops = loops_of(graph, own);
     if (loops > 0) parts += fmt::format(", {} in {}", loops, describe(provider));
     of_providers.insert(own.begin(), own.end());
   }
   shader.warnings.push_back(
       fmt::format("{} has {} loops ({} of its own{}); with more than {} the first frame waits for seconds on lavapipe",
-                  describe(*join.request), shader.loops, shader.loops - loops_of(module, of_providers), parts,
+                  describe(*join.request), shader.loops, shader.loops - loops_of(graph, of_providers), parts,
                   kLoopsWithoutWarning));
 }
 

@@ -11,10 +11,10 @@ namespace {
 using test_support::SyntheticGraph;
 using test_support::touch;
 
-struct Chain : SyntheticGraph {
+struct Fork : SyntheticGraph {
   PassIndex source = pass("source"), filter = pass("filter"), side = pass("side");
   ResourceIndex image_a = image(source, "a"), image_b, image_c;
-  Chain() {
+  Fork() {
     gpu(source, "main", {touch("a", HEDDLE_ACCESS_STORAGE_WRITE)});
     input(filter, "a", image_a, true);
     image_b = image(filter, "b");
@@ -27,7 +27,7 @@ struct Chain : SyntheticGraph {
 };
 
 TEST(Prune, KeepsPassWhoseOutputIsDisplayed) {
-  Chain chain;
+  Fork chain;
   prune(chain.graph, std::array{chain.image_b}, {});
   EXPECT_FALSE(chain.graph.passes[chain.filter].is_pruned);
   EXPECT_EQ(chain.graph.passes[chain.filter].reason, "makes the output 'filter.b'");
@@ -36,28 +36,28 @@ TEST(Prune, KeepsPassWhoseOutputIsDisplayed) {
 }
 
 TEST(Prune, DropsPassThatNobodyAskedFor) {
-  Chain chain;
+  Fork chain;
   prune(chain.graph, std::array{chain.image_b}, {});
   EXPECT_TRUE(chain.graph.passes[chain.side].is_pruned);
   EXPECT_EQ(chain.graph.passes[chain.side].reason, "nobody asks for 'side.c'");
 }
 
 TEST(Prune, KeepsPassWhoseOutputIsAskedForBesides) {
-  Chain chain;
+  Fork chain;
   prune(chain.graph, std::array{chain.image_b, chain.image_c}, {});
   EXPECT_FALSE(chain.graph.passes[chain.side].is_pruned);
   EXPECT_EQ(chain.graph.passes[chain.side].reason, "makes 'side.c', which is asked for");
 }
 
 TEST(Prune, SaysThatOnlyDroppedPassesWouldUseIt) {
-  Chain chain;
+  Fork chain;
   chain.output(kNoIndex);
   prune(chain.graph, {}, {});
   EXPECT_EQ(chain.graph.passes[chain.source].reason, "only 'filter', 'side' would use it, and nobody asks for that");
 }
 
 TEST(Prune, DropsPassWithoutItsFeatureAndLeavesItsReadersNeutral) {
-  Chain chain;
+  Fork chain;
   chain.need_feature(chain.source, "fog");
   ResolvedGraph with = chain.graph;
   prune(with, std::array{chain.image_b}, std::array{std::string("fog")});
@@ -161,7 +161,7 @@ TEST(Prune, RefusesAHistoryOfWhatALaterPassChangesInPlace) {
 }
 
 TEST(Prune, RefusesAGraphWhoseOutputNeedsAMissingFeature) {
-  Chain chain;
+  Fork chain;
   chain.need_feature(chain.filter, "fog");
   EXPECT_THROW(prune(chain.graph, std::array{chain.image_b}, {}), Error);
 }
