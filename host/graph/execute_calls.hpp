@@ -47,6 +47,9 @@ const void* service(const heddle_pass_host* self, const char* id);
 heddle_status draw_unplaced(const heddle_pass_host* self, heddle_frame* frame, const heddle_draw* given);
 const void* views_service(std::string_view id);
 
+// execute_contents.cpp: the service of contents, nullptr for another id.
+const void* contents_service(std::string_view id);
+
 // execute_slices.cpp: the service of slices, nullptr for another id.
 const void* slices_service(std::string_view id);
 

@@ -400,7 +400,8 @@ heddle_status update_buffer(const heddle_pass_host* self, heddle_frame* frame, c
   });
 }
 
-VkCommandBuffer command_buffer(const heddle_pass_host*, heddle_frame* frame) {
+VkCommandBuffer command_buffer(const heddle_pass_host* self, heddle_frame* frame) {
+  ++executor_of(state_of(self)).writes_recorded;
   return frame->commands;
 }
 
@@ -615,6 +616,7 @@ void Executor::State::begin_rendering(const PassState& state, heddle_frame& fram
     const auto found = pass.ports.find(access.port);
     if ((!is_color && !is_depth) || found == pass.ports.end()) continue;
     const ResourceState& target = root(found->second);
+    if (drawing != nullptr) ++writes_recorded;  // what it clears is its part alone
     if (is_first) drawn_layers[target.root].insert(std::min(layer, target.image.shape().layers - 1));
     VkRenderingAttachmentInfo attachment{VK_STRUCTURE_TYPE_RENDERING_ATTACHMENT_INFO};
     attachment.imageView = target.image.layer_view(std::min(layer, target.image.shape().layers - 1), 0);
@@ -803,6 +805,7 @@ void Executor::State::fill_set(VkDescriptorSet target, const Pass& caller, std::
 void Executor::State::bind(const PassState& state, const ShaderState& shader, const vulkan::Pipeline& pipeline,
                            const void* push, std::uint32_t push_bytes) {
   const heddle_vulkan& vk = device->table();
+  ++writes_recorded;  // whoever binds a pipeline runs it
   vk.CmdBindPipeline(commands, pipeline.bind_point(), pipeline.handle());
   // Sets of a shader suit every pipeline that it is in.
   for (std::uint32_t set = 0; set < 2; ++set) {

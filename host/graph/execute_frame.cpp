@@ -378,7 +378,10 @@ void Executor::State::write_neutral(PassState& state, const ScheduledStage& stag
     if (!use.writes) continue;
     const RolePort* port = pass.role->find_port(access.port);
     const VkImageLayout layout = target.layout;
-    clear_image(target, graph.resources[target.root], port != nullptr ? port->neutral : std::array<double, 4>{});
+    const std::array<double, 4> neutral = port != nullptr ? port->neutral : std::array<double, 4>{};
+    clear_image(target, graph.resources[target.root], neutral);
+    const bool is_depth = aspect_of(graph.resources[target.root].format) == VK_IMAGE_ASPECT_DEPTH_BIT;
+    target.uniform_value = is_depth ? std::array<double, 4>{} : neutral;  // as clear_image has it
     Barrier back;
     back.resource = found->second;
     back.source_stages = VK_PIPELINE_STAGE_2_CLEAR_BIT;
@@ -520,13 +523,16 @@ void Executor::State::run_stage(std::uint32_t index, std::span<const Barrier> be
     write_neutral(state, scheduled);
     return;
   }
+  const std::uint64_t writes_before = writes_recorded;
   if (scheduled.kind == StageKind::kCpu) {
     run_cpu_stage(state, scheduled, frame);
+    note_contents(scheduled, frame, writes_before);
     return;
   }
   frame.commands = commands;
   const bool is_lasting = graph.is_job && keeps_artifacts() && makes_what_lasts(technique_of(state));
   run_slices(state, scheduled, frame, info_for(pass_of(state)), is_lasting ? pass_keys[scheduled.pass] : std::string{});
+  note_contents(scheduled, frame, writes_before);
 }
 
 void Executor::State::run_frame(const scene::Scene& rendered, const FrameOptions& options) {
@@ -534,6 +540,7 @@ void Executor::State::run_frame(const scene::Scene& rendered, const FrameOptions
   begin_frame_memory();
   stats.instances_drawn = stats.instances_culled = 0;
   drawn_layers.clear();
+  for (ResourceState& state : resources) state.uniform_value.reset();
   looks.clear();
   errors.clear();
   stats.stages.clear();

@@ -43,10 +43,11 @@ struct ResourceState {
   vulkan::Buffer buffer;
   vulkan::Buffer poison;  // over the bytes of a transient image or buffer, while memory is poisoned
   Value value;
-  VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;  // now; tracked while recording
-  std::uint32_t appended = 0;                        // list: how often shaders have, as counted last
-  bool is_adopted = false;                           // holds what an earlier plan left
-  std::unique_ptr<SurfacesState> made;               // surfaces that a pass made; null: it has set no batches yet
+  VkImageLayout layout = VK_IMAGE_LAYOUT_UNDEFINED;    // now; tracked while recording
+  std::uint32_t appended = 0;                          // list: how often shaders have, as counted last
+  bool is_adopted = false;                             // holds what an earlier plan left
+  std::optional<std::array<double, 4>> uniform_value;  // of every texel, where this frame's commands say so
+  std::unique_ptr<SurfacesState> made;                 // surfaces that a pass made; null: it has set no batches yet
 };
 
 struct ShaderState {
@@ -465,6 +466,11 @@ struct Executor::State : FrameMemory {
              std::span<const VkDrawIndexedIndirectCommand> drawn);
   DrawRange draw_range(const scene::DrawGroup& group, const scene::VisibleDraws& visible, VkBuffer own);
   void throw_if_failed(const PassState& pass, heddle_status status, std::string_view what);
+
+  // What images are known to hold (execute_contents.cpp).
+  std::uint64_t writes_recorded = 0;  // draws, dispatches, and whenever a technique was given the command buffer
+  [[nodiscard]] bool holds(ResourceIndex image, const std::array<double, 4>& value);
+  void note_contents(const ScheduledStage& stage, const heddle_frame& frame, std::uint64_t writes_before);
 
   // Counters of techniques (execute_views.cpp).
   void add_count(const PassState& pass, std::string_view name, std::uint64_t count);

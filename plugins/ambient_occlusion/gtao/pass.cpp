@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // ambient_occlusion/gtao: depth and normal -> visibility, by the horizons of slices through the depth image.
+#include <heddle/contents.hpp>
 #include <heddle/pass.hpp>
 
 namespace {
@@ -38,6 +39,9 @@ constexpr heddle_shader kShaders[] = {compute_shader("horizon", "horizon", "hori
                                       compute_shader("denoise", "denoise", "denoise.comp.glsl")};
 
 struct Gtao {
+  std::uint32_t activity(const Frame& frame) const {
+    return is_neutral(frame, "depth") ? HEDDLE_NOTHING : HEDDLE_RUN;  // nothing in view: all is open
+  }
   heddle_status record(const Frame& frame) const {
     return frame.stage() == 0 ? frame.dispatch_over("horizon", "noisy") : frame.dispatch_over("denoise", "visibility");
   }

@@ -3,6 +3,7 @@
 // CPU. The reference of its role.
 #include "tracer.hpp"
 
+#include <heddle/contents.hpp>
 #include <heddle/pass.hpp>
 
 #include <glm/gtc/packing.hpp>
@@ -114,6 +115,10 @@ constexpr double kDepthErrorRelative = 0x1p-20;
 
 class RayTraced {
  public:
+  std::uint32_t activity(const Frame& frame) const {
+    return is_neutral(frame, "depth") ? HEDDLE_NOTHING : HEDDLE_RUN;  // nothing in view: all is open
+  }
+
   heddle_status execute(const Frame& frame) {
     heddle_mapped depth;
     heddle_mapped normal;

@@ -3,6 +3,7 @@
 // shows something in front of.
 #include "samples.hpp"
 
+#include <heddle/contents.hpp>
 #include <heddle/pass.hpp>
 
 #include <glm/gtc/packing.hpp>
@@ -157,7 +158,9 @@ class Ssao {
   }
 
   std::uint32_t activity(const Frame& frame) const {
-    return frame.stage() == kPatternStage && pattern_of_ == pattern_parameters(frame.host()) ? HEDDLE_KEEP : HEDDLE_RUN;
+    if (frame.stage() == kPatternStage)
+      return pattern_of_ == pattern_parameters(frame.host()) ? HEDDLE_KEEP : HEDDLE_RUN;
+    return is_neutral(frame, "depth") ? HEDDLE_NOTHING : HEDDLE_RUN;  // nothing in view: all is open
   }
 
   heddle_status execute(const Frame& frame) {
