@@ -36,8 +36,8 @@ Json name(std::string_view help) {
   return {{"type", "string"}, {"description", help}, {"minLength", 1}};
 }
 
-const Json kUnitRange{{"minimum", 0}, {"maximum", 1}}, kNotNegativeRange{{"minimum", 0}}, kPositiveRange{{"exclusiveMinimum", 0}},
-    kAngle{{"minimum", 0}, {"maximum", std::numbers::pi}};
+const Json kUnitRange{{"minimum", 0}, {"maximum", 1}}, kNotNegativeRange{{"minimum", 0}},
+    kPositiveRange{{"exclusiveMinimum", 0}}, kAngle{{"minimum", 0}, {"maximum", std::numbers::pi}};
 
 Json property(const ComponentProperty& declared) {
   std::string help = declared.help;
