@@ -116,7 +116,8 @@ void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> be
   scan_outputs(index);
   // Of a loop that is the last iteration, as what follows it sees.
   if (is_last_iteration || order.stages[index].runs_once) look_at_outputs(index);
-  poison_around(index, false);
+  // What the next slice looks at again was not used for the last time.
+  if (!passes[order.stages[index].pass]->again) poison_around(index, false);
   if (!is_profiled) return;
   submit_and_wait();
   begin_commands();

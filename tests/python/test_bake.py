@@ -16,12 +16,12 @@ JOB = """kind = "job"
 name = "bake"
 role = "bake_visibility"
 technique = "{technique}"
-params.directions = 80
 params.spacing = 0.5
 {more}
 """
-MAPS = "params.resolution = 128"
+MAPS = "params.directions = 80\nparams.resolution = 128"
 BAKES = {
+    "hemicube": ("hemicube", "params.resolution = 8\nparams.batch = 143"),
     "float_sums": ("depth_maps", MAPS),
     "split_ramp": ("depth_maps", f'{MAPS}\nparams.pipeline = "split_ramp"'),
     "gpu_compare": ("depth_maps", f'{MAPS}\nparams.pipeline = "gpu_compare"'),
@@ -58,8 +58,9 @@ def test_a_bake_that_was_stopped_goes_on_and_leaves_the_same(folder, monkeypatch
 
     def stop_at(share):
         def stop(activity, done):
-            # Shares that slices of 1, 8 and 16 of 80 directions come to, and no stage's place in the order.
-            if activity.endswith("of pass 'bake'") and done == share:
+            # Shares that slices of 1, 8 and 16 of 80 directions, or of 143 of 714 elements, come to, and no stage's
+            # place in the order.
+            if activity.endswith("of pass 'bake'") and abs(done - share) < 0.002:
                 raise Enough
         return stop
 
@@ -116,7 +117,7 @@ def test_what_is_no_bake_is_refused(folder, command):
 
 def test_the_check_proves_a_bake(folder, command):
     for name, (technique, more) in BAKES.items():
-        (folder / "bake.toml").write_text(JOB.format(technique=technique, more=more).replace("80", "24"))
+        (folder / "bake.toml").write_text(JOB.format(technique=technique, more=more).replace("80", "24").replace("143", "2"))
         done = subprocess.run([command, "check", folder / "bake.toml", "tests/fuzz/gltf_corpus/plain.glb"],
                               capture_output=True, text=True)
         assert done.returncode == 0 and "nothing found" in done.stdout, (name, done.stdout, done.stderr)
