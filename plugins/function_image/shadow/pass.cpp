@@ -4,23 +4,19 @@
 
 namespace {
 
-using namespace heddle::pass;
+using namespace function_image;
 
 constexpr heddle_port kPorts[] = {
-    image_in("depth", "gbuffer's"),
-    image_in("normal_geometric", "gbuffer's"),
-    value_in("camera", "the view that made depth"),
-    value_in("lights", "every light of the frame"),
-    image_out("image", VK_FORMAT_R32_SFLOAT, "visibility, the mean over lights by what they send; 1 lit, 0 in shadow"),
+    kDepth,
+    kNormalGeometric,
+    kCamera,
+    kLights,
+    image(VK_FORMAT_R32_SFLOAT, "visibility, the mean over lights by what they send; 1 lit, 0 in shadow"),
 };
-constexpr heddle_access kAccesses[] = {sampled("depth"), sampled("normal_geometric"), value("camera"), value("lights"),
-                                       storage_write("image")};
-constexpr heddle_stage kStages[] = {gpu_stage("image", kAccesses)};
-constexpr heddle_shader kShaders[] = {compute_shader("image", "image", "image.comp.glsl", "shadow")};
+constexpr char kRole[] = "shadow";
 
 constexpr heddle_technique kShadowImage =
-    technique<function_image::Pass>("function_image/shadow", "Visibility of the lights that reach a pixel",
-                                    "definition; README equation (1)", kPorts, kStages, kShaders);
+    Asked<kPorts, kRole>::technique("function_image/shadow", "Visibility of the lights that reach a pixel");
 
 }  // namespace
 

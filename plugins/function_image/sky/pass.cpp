@@ -4,22 +4,18 @@
 
 namespace {
 
-using namespace heddle::pass;
+using namespace function_image;
 
 constexpr heddle_port kPorts[] = {
-    image_in("depth", "gbuffer's"),
-    image_in("normal_geometric", "gbuffer's"),
-    value_in("camera", "the view that made depth"),
-    image_out("image", VK_FORMAT_R32G32B32A32_SFLOAT, "radiance from the pixel's direction, cd/m^2; a 1"),
+    kDepth,
+    kNormalGeometric,
+    kCamera,
+    image(VK_FORMAT_R32G32B32A32_SFLOAT, "radiance from the pixel's direction, cd/m^2; a 1"),
 };
-constexpr heddle_access kAccesses[] = {sampled("depth"), sampled("normal_geometric"), value("camera"),
-                                       storage_write("image")};
-constexpr heddle_stage kStages[] = {gpu_stage("image", kAccesses)};
-constexpr heddle_shader kShaders[] = {compute_shader("image", "image", "image.comp.glsl", "sky")};
+constexpr char kRole[] = "sky";
 
 constexpr heddle_technique kSkyImage =
-    technique<function_image::Pass>("function_image/sky", "Radiance of the sky along each pixel's ray",
-                                    "definition; README equation (1)", kPorts, kStages, kShaders);
+    Asked<kPorts, kRole>::technique("function_image/sky", "Radiance of the sky along each pixel's ray");
 
 }  // namespace
 

@@ -25,6 +25,16 @@ std::string sky_text(const std::string& sky) {
          "[[pass]]\nname = \"shown\"\nrole = \"function_image\"\ntechnique = \"sky\"\n";
 }
 
+/// `provider`: TOML of a pass of role surface_material or light_assignment, whose image is shown.
+std::string function_text(const std::string& role, const std::string& provider,
+                          const std::string& output = "shown.image") {
+  return "extent = [48, 48]\noutput = \"" + output +
+         "\"\n[[pass]]\nrole = \"gbuffer\"\ntechnique = \"raster\"\nparams.precision = \"float32\"\n" + provider +
+         "[[pass]]\nrole = \"lighting\"\ntechnique = \"deferred\"\nparams.precision = \"float32\"\n"
+         "[[pass]]\nname = \"shown\"\nrole = \"function_image\"\ntechnique = \"" +
+         role + "\"\n";
+}
+
 constexpr const char* kMaps = "[[pass]]\nname = \"maps\"\nrole = \"shadow\"\ntechnique = \"shadow_map\"\n";
 
 /// A box of 2 x 2 m floats 1 m above a floor; the camera looks at the floor from below the box's height.
@@ -59,6 +69,58 @@ TEST(FunctionImage, H1WithoutATechniqueTheNeutralBodyAnswers) {
   const Image image = graph.image(scene);
   ASSERT_EQ(image.channels, 4U);
   for (std::size_t i = 0; i < image.pixels.size(); ++i) ASSERT_EQ(image.pixels[i], i % 4 == 3 ? 1.0F : 0.0F);
+}
+
+TEST(FunctionImage, H1WithoutAMaterialTheImageIsLambertsOfEachLight) {
+  Scene scene;
+  look_under_a_box(scene);
+  scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, {0, -1, 0}, 2.0));
+  scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, {0.6, -0.8, 0}, 3.0));
+  Graph graph(function_text("surface_material", ""));
+  Graph colors(function_text("surface_material", "", "gbuffer.base_color"));
+  const Image image = graph.image(scene);
+  const Image base = colors.image(scene);
+  int floor_pixels = 0;
+  for (std::uint32_t y = kSize / 2 + 1; y < kSize; ++y)
+    for (std::uint32_t x = 0; x < kSize; ++x) {
+      if (floor_at(x, y).x > 99.0) continue;
+      const std::size_t i = 4 * (std::size_t{y} * kSize + x);
+      const double expected = base.pixels[i] / 3.14159265358979 * (2.0 + 3.0 * 0.8);
+      ASSERT_NEAR(image.pixels[i], expected, 1e-5 * expected) << x << ", " << y;  // octahedral normals: 2e-6
+      ++floor_pixels;
+    }
+  EXPECT_GT(floor_pixels, 500);
+}
+
+TEST(FunctionImage, SurfaceMaterialIsLightingWithoutShadows) {
+  Scene scene;
+  look_under_a_box(scene);
+  scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, {0.3, -1, 0.2}, 5.0));
+  const std::string ggx = "[[pass]]\nname = \"material\"\nrole = \"surface_material\"\ntechnique = \"ggx\"\n";
+  Graph graph(function_text("surface_material", ggx));
+  Graph lit(function_text("surface_material", ggx, "lighting.radiance"));
+  const Image image = graph.image(scene);
+  const Image expected = lit.image(scene);
+  double sum = 0.0;
+  for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+    ASSERT_NEAR(image.pixels[i], expected.pixels[i], 1e-5 * std::max(1.0F, expected.pixels[i])) << i;
+    sum += i % 4 == 3 ? 0.0 : image.pixels[i];
+  }
+  EXPECT_GT(sum, 100.0);
+}
+
+TEST(FunctionImage, LightAssignmentIsWhatArrivesAndALostLightIsMissing) {
+  Scene scene;
+  look_under_a_box(scene);
+  scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, {0, -1, 0}, 2.0));
+  scene.add_light(light(HEDDLE_LIGHT_DIRECTIONAL, {0, 1, 0}, 0.5));  // from below: it arrives, on a plane that faces it
+  Graph all(function_text("light_assignment", ""));
+  const Image image = all.image(scene);
+  ASSERT_EQ(image.channels, 1U);
+  EXPECT_NEAR(image.at(kSize / 2, kSize - 1), 2.5, 1e-6);
+  EXPECT_EQ(image.at(kSize / 2, 0), 0.0F);
+  Graph tiled(function_text("light_assignment", "[[pass]]\nrole = \"light_assignment\"\ntechnique = \"tiled\"\n"));
+  EXPECT_EQ(tiled.image(scene).pixels, image.pixels);
 }
 
 TEST(FunctionImage, H2IsTheSameWhateverElseIsAskedFor) {
