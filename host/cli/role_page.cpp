@@ -101,6 +101,9 @@ std::string reference_text(const Json& list, const Json& role) {
     for (const auto& [name, value] : reference["params"].items()) {
       params += fmt::format("{}{} = {}", params.empty() ? " with " : ", ", name, value.get<std::string>());
     }
+    if (const auto port = reference.value("port", std::string()); !port.empty()) {
+      params += fmt::format("{}its port `{}`", params.empty() ? ": " : "; ", port);
+    }
     const bool is_there = std::ranges::any_of(
         list["techniques"], [&](const Json& technique) { return technique["id"] == reference["technique"]; });
     out += fmt::format("- truth ({}): `{}`{}{}\n", meaning, text_of(reference, "technique"), params,

@@ -13,6 +13,14 @@ Json range_to_json(const std::optional<std::array<double, 2>>& range) {
   return range ? Json{number_to_json((*range)[0]), number_to_json((*range)[1])} : Json(nullptr);
 }
 
+Json physical_to_json(const Role& role) {
+  if (role.physical_reference.empty()) return nullptr;
+  return {{"technique", role.physical_reference},
+          {"params", role.physical_params},
+          {"port", role.physical_port},
+          {"shared", role.physical_shared}};
+}
+
 Json reference_to_json(const std::string& technique, const std::map<std::string, std::string>& params) {
   return technique.empty() ? Json(nullptr) : Json{{"technique", technique}, {"params", params}};
 }
@@ -75,7 +83,7 @@ Json role_to_json(const Role& role, const Registry& registry) {
           {"include", role.include},
           {"references",
            {{"same_model", reference_to_json(role.same_model_reference, role.same_model_params)},
-            {"physical", reference_to_json(role.physical_reference, role.physical_params)}}},
+            {"physical", physical_to_json(role)}}},
           {"measure",
            {{"kind", role.measure_kind},
             {"port", role.measure_port},

@@ -422,11 +422,21 @@ class RoleReader {
     for (const toml::table* table : read_tables(document, "hard_case")) read_hard_case(*table);
     for (const toml::table* table : read_tables(document, "component")) read_component(*table);
     if (const toml::table* references = read_table(document, "role", "references")) {
-      check_keys(*references, "references", {"same_model", "same_model_params", "physical", "physical_params"});
+      check_keys(
+          *references, "references",
+          {"same_model", "same_model_params", "physical", "physical_params", "physical_port", "physical_shared"});
       role_.same_model_reference = read_reference(*references, "same_model");
       role_.physical_reference = read_reference(*references, "physical");
       role_.same_model_params = read_parameters(*references, "same_model_params");
       role_.physical_params = read_parameters(*references, "physical_params");
+      role_.physical_port = read_string(*references, "references", "physical_port", false);
+      role_.physical_shared = read_parameters(*references, "physical_shared");
+      for (const char* key : {"physical_params", "physical_port", "physical_shared"}) {
+        if (const toml::node* node = references->get(key); node != nullptr && role_.physical_reference.empty()) {
+          complain(node->source(), fmt::format("references: '{}' without 'physical'", key), {},
+                   "physical = \"ROLE/TECHNIQUE\"");
+        }
+      }
     }
     if (const toml::table* measure = read_table(document, "role", "measure")) {
       check_keys(*measure, "measure", {"kind", "port", "function", "metric", "note"});

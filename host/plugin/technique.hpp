@@ -78,6 +78,8 @@ struct Role {
   std::string measure_note;
   std::map<std::string, std::string> same_model_params;  // parameters of the reference, as --set takes them
   std::map<std::string, std::string> physical_params;
+  std::string physical_port;                           // of the reference, what measure_port is of a technique
+  std::map<std::string, std::string> physical_shared;  // its parameter -> the measured pass's that it must equal
   std::vector<ComponentType> components;
 
   [[nodiscard]] const RolePort* find_port(std::string_view port) const;

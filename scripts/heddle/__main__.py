@@ -795,10 +795,9 @@ def main() -> int:
     command.add_argument("--folder", help="where results go (default: out/NAME of the study)")
     command.add_argument("--device", help="part of a device's name, or its index")
     command.add_argument("--rounds", type=whole, help="instead of the file's: more rounds see smaller differences")
-    command.add_argument("--budget", type=number, help="minutes; a study that would take longer says so and ends before it "
-                                                      "times anything")
-    command.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, whose workers do the work; local: workers "
-                                                              "of this machine alone")
+    command.add_argument("--reference", choices=("same_model", "physical"), help="with --role: which truth of its contract")
+    command.add_argument("--budget", type=number, help="minutes; a study that would take longer ends before it times anything")
+    command.add_argument("--cluster", metavar="ADDRESS", help="of a Dask scheduler, whose workers work; local: of this machine")
     command.add_argument("--timeout", type=number, default=300, help="seconds after which a variant that does not answer "
                                                                     "counts as hung")
     command.add_argument("--dry-run", action="store_true", help="check the file, say what would be measured, render nothing")

@@ -56,6 +56,8 @@ class Reference:
     settings: tuple[str, ...]
     parts: int  # independent renderings, by their seeds
     files: tuple[str, ...] = ()  # images of the scenes instead of renderings
+    port: str | None = None  # that is compared with the study's; None: the same
+    adds: str | None = None  # passes that the graph does not have, as TOML
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +91,7 @@ TEXT, NUMBER, WHOLE, TEXTS, NUMBERS, TABLE, TABLES, ANY = (
 STUDY_KEYS = {
     "title": TEXT, "graph": TEXT, "set": TEXTS, "role": TEXT, "pass": TEXT, "port": TEXT, "metrics": TEXTS, "rounds": WHOLE,
     "frames": WHOLE, "settle": WHOLE, "resolution": NUMBER, "error_resolution": NUMBER, "budget_minutes": NUMBER,
-    "exposures": NUMBERS, "tone_mapper": TEXT, "seed": WHOLE, "scene": TABLES, "variant": TABLES, "reference": TABLE,
+    "exposures": NUMBERS, "tone_mapper": TEXT, "seed": WHOLE, "scene": TABLES, "variant": TABLES, "reference": ANY,
     "leave_one_out": TEXTS, "extents": ANY, "chart_pass": TEXT,
 }
 SCENE_KEYS = {"file": TEXT, "camera": TEXT, "cameras": TEXTS, "time": NUMBER, "times": NUMBERS, "overlays": TEXTS,
@@ -98,7 +100,11 @@ VARIANT_KEYS = {"name": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "k
 DEFAULT_GRAPH = "deferred"
 CLIMBS = ("together", "each")  # how a variant's ladders are: the i-th values of all, or one with the others as they stand
 FUNCTION_PORT = "measured_function.image"  # of the pass that a study adds where a role's technique makes no image itself
-REFERENCE_KEYS = {"technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE, "file": TEXT}
+REFERENCE_KEYS = {"truth": TEXT, "technique": TEXT, "graph": TEXT, "set": TEXTS, "parts": WHOLE, "file": TEXT}
+
+
+TRUTHS = ("same_model", "physical")  # of a role's contract: its `references`
+PHYSICAL = "physical"  # the pass that a study adds where the truth is a technique of another role
 
 
 class Places:
@@ -249,7 +255,7 @@ def read(host: Host, file: str, scenes: Iterable[str] = ()) -> Study:
 
 
 def of_role(host: Host, role: str, scenes: list[str], settings: list[str], climb: str = "together",
-            graph: str | None = None) -> Study:
+            graph: str | None = None, reference: str | None = None) -> Study:
     """A study of all techniques of a role, over all their knobs, that nobody wrote: in a graph, or in the first shipped one
     that has a pass of the role. Those that need the artifact of a job, which only a graph can name, are left out, and the
     title says so; where the role makes no image, the graph's output is compared, and the title says that.
@@ -275,6 +281,7 @@ def of_role(host: Host, role: str, scenes: list[str], settings: list[str], climb
         without += f", seen in {seen['port']}"
     written = {"title": f"All techniques of {role}{without}", "role": role, "graph": graph, **seen, "set": settings,
                "scene": [{"file": s} for s in scenes],
+               **({"reference": reference} if reference is not None else {}),
                "variant": [{"name": name, "technique": name, "knobs": "all", "climb": climb} for name in names]}
     return understand(host, written, Places("--role", ""), role, pathlib.Path())
 
@@ -336,7 +343,9 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
         reader.unknown(("tone_mapper",), "tone mapper", tone_mapper, ("aces", "hable", "reinhard"))
     scenes = read_scenes(reader, table.get("scene", []))
     points = read_variants(reader, table.get("variant", []), graph, settings, role, pass_name, port)
-    reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name, scenes)
+    from .study_reference import read_reference  # it builds on this module, and imports it
+
+    reference = read_reference(reader, table.get("reference"), graph, settings, role, pass_name, scenes, port)
     if passes and table.get("chart_pass") not in (None, *passes):
         reader.unknown(("chart_pass",), "pass", table["chart_pass"], passes)
     leave_one_out, extents = read_more(reader, table, points, graph, settings)
@@ -663,67 +672,3 @@ def rungs(ladders: Mapping[str, list]) -> list[tuple[tuple[str, Any], ...]]:
 def rungs_of_each(ladders: Mapping[str, list]) -> list[tuple[tuple[str, Any], ...]]:
     """One ladder after the other, whose other knobs stay as the variant has them."""
     return [((knob, value),) for knob, values in ladders.items() for value in values] or [()]
-
-
-def read_reference(reader: Reader, given: dict | None, graph: str, settings: tuple[str, ...], role: str | None,
-                   pass_name: str | None, scenes: Sequence[SceneChoice]) -> Reference | None:
-    """As written, else what the role names; at the last rung of each ladder that neither says."""
-    table = reader.check_table(("reference",), given or {}, REFERENCE_KEYS)
-    if "file" in table:
-        return read_reference_files(reader, table, scenes)
-    own_graph = reader.file(table["graph"]) if "graph" in table else graph
-    named: tuple[str, ...] = ()
-    if "technique" in table:
-        named = swap(reader, ("reference",), table, role, pass_name)
-    elif "graph" not in table and "set" not in table:
-        references = reader.roles[role].get("references") or {} if role is not None else {}
-        # A technique of another role is no other word for the pass: its graph has to be written.
-        physical = references.get("physical")
-        if physical is not None and physical["technique"].split("/")[0] != role:
-            physical = None
-        stated = references.get("same_model") or physical
-        if stated is None or pass_name is None:
-            if reader.is_pass_known and not reader.errors:
-                reader.fail(("reference",), "nothing says what is true", expected="[reference] with technique, graph or set")
-            return None
-        technique = stated["technique"].split("/")[-1]
-        named = (f"{pass_name}.technique={technique}",)
-        known = reader.techniques.get((role or "", technique))
-        last = {each["name"]: rung_values(each)[-1] for each in known["parameters"] if each["ladder"]} if known else {}
-        named += tuple(f"{pass_name}.params.{key}={value}" for key, value in (last | stated["params"]).items())
-    everything = (*settings, *named, *table.get("set", []))
-    if reader.is_pass_known or ("technique" not in table and "graph" in table):
-        place = ("reference", "set") if "set" in table else ("reference",)
-        if described := load(reader, place, own_graph, everything):
-            check_extent(reader, place, "the reference", described["extent"])
-    parts = table.get("parts", 8)
-    if not 1 <= parts <= 1000:
-        reader.fail(("reference", "parts"), "'parts' is out of range", found=f"{parts}", expected="1 to 1000")
-    return Reference(own_graph, everything, parts)
-
-
-def read_reference_files(reader: Reader, table: Mapping[str, Any], scenes: Sequence[SceneChoice]) -> Reference | None:
-    """Images from elsewhere, one a scene: "{scene}" in the file's name is the scene's."""
-    place = ("reference", "file")
-    for key in ("technique", "graph", "set", "parts"):
-        if key in table:
-            reader.fail(("reference", key), f"'{key}' says how the reference is rendered, and 'file' that it is an image",
-                        expected="one of them")
-    if len(scenes) > 1 and "{scene}" not in table["file"]:
-        reader.fail(place, "one image is the reference of several scenes", found=f"file = \"{table['file']}\"",
-                    expected="{scene} in its name, for " + ", ".join(slug(scene.name) for scene in scenes))
-        return None
-    files = []
-    for scene in scenes:
-        file = reader.file(table["file"].replace("{scene}", slug(scene.name)))
-        if not pathlib.Path(file).exists():
-            reader.fail(place, f"there is no image '{file}', the reference of scene '{scene.name}'")
-            continue
-        try:
-            height, width = reader.host.read_image(file).shape[:2]
-        except Error as error:
-            reader.fail(place, "the reference cannot be read:\n    " + str(error).replace("\n", "\n    "))
-            continue
-        check_extent(reader, place, f"the reference '{file}'", [width, height])
-        files.append(file)
-    return Reference("", (), 1, tuple(files))

@@ -247,6 +247,10 @@ class Cluster:
         """The worker's machine is locked by each item."""
         return contextlib.nullcontext()
 
+    def used(self) -> float | None:
+        """Of the processors of other machines nothing is known."""
+        return None
+
     def end(self, owner: str) -> None:
         """Workers end what has become too much by themselves."""
 

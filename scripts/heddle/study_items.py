@@ -35,6 +35,9 @@ from . import statistics as s
 from ._library import find
 
 WARM_FRAMES = 10  # the fewest that tell whether frames are still changing
+# Milliseconds of frames after which a process has left its own beginning behind, caches and clocks: what changes then is the
+# machine, and a longer wait would take as long as the rounds without ending that.
+WARM_LONG_ENOUGH = 2000.0
 PROFILED_FRAMES = 7
 SEEDS = 8  # images of a technique that is random
 # One for the machine, not for the user, whose TMPDIR may be another; the second where the first cannot be opened.
@@ -367,15 +370,14 @@ class Residents:
         if place in self.warm:
             return self.warm[place]
         first = self._ask(point, "render", point=point["name"], frames=2)["ms"]
-        # Frames of seconds have long left their beginning behind, and ten of them would take as long as the study.
-        if first[1] > 2000:
+        if first[1] > WARM_LONG_ENOUGH:
             found = {"frames": 2, "warm_after": 1, "ms": first[1]}
         else:
             frames: list[float] = []
             for _ in range(3):  # never longer: what keeps changing is said, and measured as it is
                 frames += self._ask(point, "render", point=point["name"], frames=WARM_FRAMES)["ms"]
                 after = s.warm_up(frames)
-                if after is not None:
+                if after is not None or sum(frames) > WARM_LONG_ENOUGH:
                     break
             found = {"frames": len(frames) + 2, "warm_after": None if after is None else after + 2,
                      "ms": float(np.median(frames[len(frames) // 2:]))}

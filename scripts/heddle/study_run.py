@@ -32,9 +32,10 @@ from .__main__ import scene_path
 from ._library import CANCELLED
 from .study import Point, SceneChoice, Study, slug
 from .study_items import (AGAIN, PROFILED_FRAMES, REFERENCE, SEEDS, Contents, Lost, Refused, Residents, digest, fingerprint, own,
-                          portable, timing_alone)
+                          portable, timing_alone, used_seconds)
 from .study_rows import (command_line, finite, made_by, mark_dominated, mark_front, print_summary, rows_of, write, write_image,
                          write_table)
+from .study_spent import Spent, own_seconds
 from .study_worker import open_graph, open_scene
 
 # ---- What is kept ----
@@ -142,6 +143,11 @@ class Here:
         """While items are timed: nobody else times on this machine."""
         return timing_alone(self._say, self._stop)
 
+    def used(self) -> float | None:
+        """Processor seconds of this process and of all that it started; None where they are elsewhere."""
+        workers = self._residents.workers.values() if self._residents is not None else []
+        return own_seconds() + sum(used_seconds(each.process.pid) for each in workers)
+
     def end(self, owner: str) -> None:
         """That process is not needed any more."""
         if self._residents is not None:
@@ -228,15 +234,14 @@ class SceneRun:
             except Error as error:
                 self.lose(point.name, Lost("failed", str(error)))
         if (reference := self.study.reference) is not None and not reference.files:
-            self.identify_one(REFERENCE, reference.graph, reference.settings, self.study.pass_name)
+            self.identify_one(REFERENCE, reference.graph, reference.settings, self.study.pass_name, reference.port, reference.adds)
         self.check_alive()
 
     def identify_one(self, name: str, graph: str, settings: Sequence[str], asked: str | None = None,
-                     keep: str | None = None) -> None:
+                     keep: str | None = None, adds: str | None = None) -> None:
         """asked: of a graph that is not timed the pass whose answers become an image, where the study has such a role.
-        keep: another port than the study's. raises: Error"""
-        adds = None
-        if self.study.function_image is not None and asked is not None:
+        keep: another port than the study's. adds: passes that the graph does not have, as TOML. raises: Error"""
+        if self.study.function_image is not None and asked is not None and adds is None:
             adds = definition.with_function_image(self.host, graph, settings, self.study.function_image, asked)
         # What is timed makes the port only if it is the graph's own.
         if keep is None and (adds is not None or self.study.function_image is None):
@@ -254,7 +259,8 @@ class SceneRun:
         self.graphs[name] = {"graph": portable(graph) if pathlib.Path(graph).is_file() else graph, "settings": list(settings),
                              "expected": expected, "keep": keep, "adds": adds}
         self.keys[name] = digest("image", [content for _, content in sorted(expected.items())], settings, adds,
-                                 self.scene.camera, self.scene.time, self.scene.arguments, self.study.port, self.study.settle)
+                                 self.scene.camera, self.scene.time, self.scene.arguments, keep if adds else self.study.port,
+                                 self.study.settle)
 
     def image_of(self, name: str) -> str:
         """The name under which a point's image is made: another graph's, where the point's own has none."""
@@ -348,7 +354,8 @@ class SceneRun:
             return [self.host.read_image(reference.files[self.study.scenes.index(self.scene)])]
         told = self.told(REFERENCE, REFERENCE)
         # Seeds of techniques begin at 0: noise is never compared with itself.
-        items = [self.item("part", point=told, seed=1_000_000 + part) for part in range(reference.parts)]
+        items = [self.item("part", point=told, seed=1_000_000 + part, port=reference.port or self.study.port)
+                 for part in range(reference.parts)]
         parts: dict[int, np.ndarray] = {}
         for i, item in enumerate(items):
             for machine in self.executor.machines():
@@ -568,11 +575,12 @@ def measure(options: argparse.Namespace, stop: Callable[[], None]) -> int:
             if not options.files and not options.scene:
                 raise Error(2, "error: --role needs a scene\n  help:     heddle study --role ambient_occlusion atrium.py")
             study = definition.of_role(host, options.role, [*options.files, *options.scene], options.set, options.climb,
-                                       options.graph)
-        elif len(options.files) != 1 or options.set or options.graph:
+                                       options.graph, options.reference)
+        elif len(options.files) != 1 or options.set or options.graph or options.reference:
             raise Error(2, "error: heddle study takes one study file, or --role ROLE with scenes\n  found:    "
                            f"{len(options.files)} files" + (" and --set" if options.set else "")
-                        + (" and --graph" if options.graph else ""))
+                        + (" and --graph" if options.graph else "")
+                        + (" and --reference" if options.reference else ""))
         else:
             study = definition.read(host, options.files[0], options.scene)
         return measure_study(options, host, study, say, stop)
@@ -646,21 +654,31 @@ def measure_scenes(study: Study, options: argparse.Namespace, folder: pathlib.Pa
     for number, scene in enumerate(study.scenes):
         run = SceneRun(study, scene, store, options, folder, host, executor, contents, say, stop,
                        begun + 60 * study.budget_minutes)
-        run.identify()
-        run.warm_up()
+        spent = Spent(executor.used)
+        with spent.on("files"):
+            run.identify()
+        with spent.on("warm-up"):
+            run.warm_up()
         rest = run.estimate_seconds() * (len(study.scenes) - number)  # other scenes take as long, for all that is known
         say(f"{scene.name}: about {duration(rest)} to go, and the reference; {study.budget_minutes:g} min at most")
         run.check_budget(rest)
-        run.measure_errors()
-        with executor.timing():
-            run.measure_times()
-            run.measure_passes()
-            found = measure_more(run)
+        with spent.on("errors"):
+            run.measure_errors()
+        with contextlib.ExitStack() as alone:
+            with spent.on("waiting"):
+                alone.enter_context(executor.timing())
+            with spent.on("rounds"):
+                run.measure_times()
+            with spent.on("passes"):
+                run.measure_passes()
+            with spent.on("beside the table"):
+                found = measure_more(run)
         own_rows, restless[scene.name] = rows_of(run)
         rows += own_rows + leave_one_out.table_rows(study.name, found["leave_one_out"])
         mark_front(rows, study.metrics[0])
         mark_dominated(rows, found["dominated"], study.metrics[0])
-        for key, each in found.items():
+        say(f"{scene.name}: done in {spent.said()}")
+        for key, each in (found | {"spent": spent.rows(scene.name)}).items():
             more.setdefault(key, []).extend(each)
         made.append(made_by(run))
         machines = executor.machines()

@@ -49,7 +49,7 @@ parts = 4
 
 def options(**given):
     known = {"files": [], "role": None, "set": [], "folder": None, "device": None, "rounds": None, "budget": None,
-             "timeout": 120.0, "cluster": None, "scene": [], "graph": None, "climb": "together", "dry_run": False, "gate": False, "quiet": True}
+             "timeout": 120.0, "cluster": None, "scene": [], "graph": None, "reference": None, "climb": "together", "dry_run": False, "gate": False, "quiet": True}
     return argparse.Namespace(**(known | given))
 
 
@@ -180,7 +180,7 @@ def test_a_study_without_scenes_or_variants_is_none(host, tmp_path):
 
 
 def test_a_role_without_an_image_asks_for_a_port(host, tmp_path):
-    text = SMALL.replace("ambient_occlusion", "surface_material").replace('technique = "gtao"', 'technique = "ggx"')
+    text = SMALL.replace("ambient_occlusion", "gbuffer").replace('technique = "gtao"', 'technique = "raster"')
     assert "'port' says which image is compared" in refusal(host, tmp_path, text)
 
 
@@ -254,9 +254,17 @@ def test_a_role_outside_the_default_graph_is_studied_in_one_that_has_it(host, ro
 
 
 def test_a_role_that_makes_no_image_is_seen_in_the_graphs(host):
-    study = definition.of_role(host, "light_assignment", ["cornell_box.py"], ["extent=[32,18]"])
+    study = definition.of_role(host, "gbuffer", ["cornell_box.py"], ["extent=[32,18]"])
     assert study.port == "display.color" and study.title.endswith(", seen in display.color")
-    assert {point.variant for point in study.points} == {"brute_force", "tiled"}
+    assert {point.variant for point in study.points} == {"raster"}
+
+
+@pytest.mark.parametrize("role, variants", [("light_assignment", {"brute_force", "tiled"}), ("surface_material", {"ggx"}),
+                                            ("sky", {"environment_map", "procedural", "uniform"})])
+def test_a_role_of_functions_is_seen_in_an_image_of_what_they_answer(host, role, variants):
+    study = definition.of_role(host, role, ["cornell_box.py"], ["extent=[32,18]"])
+    assert study.port == definition.FUNCTION_PORT and study.function_image == role and " seen in " not in study.title
+    assert {point.variant for point in study.points} == variants
 
 
 def test_a_role_that_no_shipped_graph_has_asks_for_one(host):

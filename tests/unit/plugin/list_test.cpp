@@ -36,6 +36,8 @@ TEST(List, SaysEverythingOfTheRepositorysRoles) {
   const auto ao = role("ambient_occlusion");
   EXPECT_EQ(ao["references"]["same_model"]["technique"], "ambient_occlusion/ray_traced");
   EXPECT_EQ(ao["references"]["physical"]["technique"], "ray_tracing/path_tracer");
+  EXPECT_EQ(ao["references"]["physical"]["port"], "occlusion");
+  EXPECT_EQ(ao["references"]["physical"]["shared"]["occlusion_radius"], "radius");
   EXPECT_EQ(ao["ports"][0]["neutral"], parse_json(R"(["inf", 0.0, 0.0, 1.0])"));
   EXPECT_EQ(ao["ports"][4]["range"], parse_json("[0.0, 1.0]"));
   EXPECT_EQ(ao["measure"]["metric"], "rmse");

@@ -212,6 +212,9 @@ TEST_F(RoleFile, RefusesWhatItsPartsContradict) {
   EXPECT_EQ(message(with("references = { physical = \"exact\" }\n") + std::string(kPort)),
             "role.toml:4:27: error: references: 'physical' names no technique\n"
             "  found:    \"exact\"\n  expected: \"ROLE/TECHNIQUE\"");
+  EXPECT_EQ(message(with("references = { physical_port = \"b\" }\n") + std::string(kPort)),
+            "role.toml:4:32: error: references: 'physical_port' without 'physical'\n"
+            "  expected: physical = \"ROLE/TECHNIQUE\"");
   EXPECT_THAT(message(with("")), HasSubstr("error: role has neither a port nor a function"));
 }
 
