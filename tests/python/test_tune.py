@@ -11,7 +11,7 @@ import tomllib
 import pytest
 
 import heddle
-from heddle import tune
+from heddle import study_items, study_rows, study_run, tune
 from heddle.tune import Bound, Guess, Option, Seen, around, choose, combine, front
 
 
@@ -226,6 +226,47 @@ def test_a_scene_without_other_cameras_is_checked_from_made_ones(made_up, tmp_pa
     with heddle.Host() as host, host.scene() as scene:
         scene.load(str(tmp_path / "out" / "check.scene.toml"))
         assert scene.describe()["cameras"] == ["left", "right", "above"]
+
+
+@pytest.fixture
+def without_a_clock(monkeypatch):
+    """Real frames and errors, with times by the number of rays: 1 ms and 1 us for each."""
+    def measure_times(run):
+        def ms(point):
+            return 1.0 + 1e-3 * next((int(each.partition("samples=")[2]) for each in reversed(point.settings) if "samples=" in each), 64)
+
+        turns = [(point.name, [ms(point)]) for point in run.alive()] + [(study_items.AGAIN, [ms(run.baseline)])]
+        turns += turns[::-1]
+        run.rounds = [{"order": [name for name, _ in turns], "ms": [each for _, each in turns]}] * run.study.rounds
+        run.machine = run.executor.place()["id"]
+
+    monkeypatch.setattr(study_run.SceneRun, "measure_times", measure_times)
+    monkeypatch.setattr(study_run.SceneRun, "warm_up", lambda run: None)
+    monkeypatch.setattr(study_items, "SEEDS", 3)  # of eight: the middle of three is enough to tell 1 ray from 1024
+    monkeypatch.setattr(study_run, "SEEDS", 3)
+    monkeypatch.setattr(study_rows, "SEEDS", 3)
+
+
+def test_errors_of_real_frames_choose_a_rung_and_check_it_elsewhere(without_a_clock, tmp_path, capsys):
+    # Corner and boxes fill more of the picture from the left than from the front, where walls are far: the same rays err more.
+    file = tmp_path / "views.scene.toml"
+    file.write_text('[[camera]]\nname = "far"\nposition = [0, 1, 9]\ntarget = [0, 1, 0]\n'
+                    '[[camera]]\nname = "corner"\nposition = [0.2, 0.5, 0.2]\ntarget = [-1, 0, -1]\n')
+    given = {"files": ["cornell_box.py"], "overlay": [str(file)], "camera": ["far"], "check_camera": ["corner"],
+             "set": ["extent=[32,18]", "ao.technique=ray_traced"], "port": "ao.visibility", "rounds": 7, "frames": 1}
+    assert tune.tune(arguments(tmp_path, error="rmse=0.05", **given), lambda: None) == 1
+    report = json.loads((tmp_path / "out" / "tune.json").read_text())
+    tried = {each["settings"][-1] if each["settings"] else "as it is": each["seen"] for each in report["tried"]}
+    within = {name: each["ms"] for name, each in tried.items() if each["error_high"] <= 0.05}
+    chosen = report["chosen"][-1]
+    assert within[chosen] == min(within.values()) and len(within) < len(tried)
+    # Noise falls with the root of the rays: no two rungs of the ladder, four times apart, are within noise of each other.
+    by_rays = [each["error"] for _, each in sorted(tried.items(), key=lambda item: item[1]["ms"])]
+    assert by_rays == sorted(by_rays, reverse=True)
+    elsewhere = report["elsewhere"]["cornell_box views.scene corner"]["tuned"]
+    assert elsewhere["error"] > 0.05 >= report["seen"]["error_high"] and report["misses"] == ["cornell_box views.scene corner"]
+    said = f"corner: MISSED: {tune.spell(tune.Seen(**elsewhere), 'rmse')}; as it was: "
+    assert said in capsys.readouterr().out and said in (tmp_path / "tuned.toml").read_text()
 
 
 @pytest.mark.parametrize(("given", "message"), [
