@@ -83,6 +83,7 @@ class Study:
     leave_one_out: tuple[str, ...] = ()  # variants of whose first point each pass is left out in turn
     chart_pass: str | None = None  # whose own time the chart shows beside the frame's; None: pass_name
     extents: tuple[tuple[int, int], ...] = ()  # at which points are timed as well, for the cost model
+    unit: str = ""  # of what is compared; empty: unknown
 
 
 # What a table may hold: the types of its values, in words for errors.
@@ -357,7 +358,7 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
         budget_minutes=reader.number(table, "budget_minutes", 30, 0, 1e6), exposures=exposures, tone_mapper=tone_mapper,
         seed=reader.number(table, "seed", 0, 0, 2**31), leave_one_out=leave_one_out,
         chart_pass=table.get("chart_pass"), extents=extents,
-        function_image=role if port == FUNCTION_PORT else None)
+        function_image=role if port == FUNCTION_PORT else None, unit=unit_of(reader, port, passes))
     if reader.errors:
         raise Error(2, "\n".join(reader.errors))
     return study
@@ -453,6 +454,13 @@ def choose_port(reader: Reader, table: Mapping[str, Any], role: str | None, pass
                     expected="'port' says which image is compared: display.color, for instance")
         return None, None
     return f"{pass_name}.{measure['port']}" if pass_name else None, measure.get("metric")
+
+
+def unit_of(reader: Reader, port: str | None, passes: Mapping[str, Any]) -> str:
+    """Of a pass's port as its role's contract says; empty where it says nothing."""
+    pass_name, _, name = (port or "").partition(".")
+    ports = reader.roles.get(passes.get(pass_name, {}).get("role"), {}).get("ports", [])
+    return next((each.get("unit") or "" for each in ports if each["name"] == name), "")
 
 
 def function_pass(technique: str, role: str, asked: str | None) -> str:

@@ -58,17 +58,53 @@ def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path |
     metric = study.metrics[0]
     times = times_of(study)
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    figure, all_axes = plt.subplots(len(scenes), len(times), squeeze=False, layout="constrained",
-                                    figsize=(6.2 * len(times), 4.6 * len(scenes)))
+    figure, all_axes, foot = grid(plt, len(scenes), len(times), 6.2, 4.2, len(ladders_of(study)) + 3)
     for i, scene in enumerate(scenes):
         for j, (quantity, label) in enumerate(times):
             draw_scene(all_axes[i][j], study, [row for row in rows if row["scene"] == scene], quantity, metric)
             all_axes[i][j].set(xlabel=label, title=scene)
-        all_axes[i][0].set_ylabel(f"{metric} of {study.port} against the reference")
-        if all_axes[i][0].get_legend_handles_labels()[0]:
-            all_axes[i][0].legend(fontsize=7)
+        all_axes[i][0].set_ylabel(f"{metric} of {study.port} against the reference{unit_of(study, metric)}", fontsize=9)
+    name_all(foot, all_axes)
     figure.suptitle(f"{study.title}\nmedians with 95 % intervals", fontsize=11)
     return save(plt, figure, file)
+
+
+LEGEND_COLUMNS, LEGEND_LINE = 3, 0.2  # inches
+
+
+def grid(plt, rows: int, columns: int, width: float, height: float, names: int):
+    """(figure, axes row by row, room for one legend below all of them, where it hides no point). width, height: of axes, inches"""
+    below = LEGEND_LINE * (math.ceil(names / LEGEND_COLUMNS) + 0.5)
+    figure = plt.figure(layout="constrained", figsize=(width * columns, height * rows + below + 0.5))
+    cells = figure.add_gridspec(rows + 1, columns, height_ratios=[height] * rows + [below])
+    axes = [[figure.add_subplot(cells[row, column]) for column in range(columns)] for row in range(rows)]
+    foot = figure.add_subplot(cells[rows, :])
+    foot.axis("off")
+    return figure, axes, foot
+
+
+def name_all(foot, all_axes) -> None:
+    """What lines and marks are, of all axes, each name once."""
+    named: dict[str, object] = {}
+    for axes in (each for row in all_axes for each in row):
+        for handle, label in zip(*axes.get_legend_handles_labels()):
+            named.setdefault(label, handle)
+    if named:
+        foot.legend(named.values(), named.keys(), loc="upper center", ncols=LEGEND_COLUMNS, fontsize=8, frameon=False)
+
+
+def unit_of(study: Study, metric: str) -> str:
+    """Of a metric that has the unit of what is compared, for an axis; empty: it has none, or nobody says which."""
+    has_unit = metric in ("rmse", "mean_difference", "maximum") or metric.startswith("percentile")
+    return f" [{study.unit.replace('^2', '²')}]" if has_unit and study.unit not in ("", "1") else ""
+
+
+def ladders_of(study: Study) -> dict[tuple[str, tuple[str, ...]], list[Point]]:
+    """{(variant, knobs): points}: a line a ladder; a variant that climbs each of its ladders alone has several."""
+    ladders: dict[tuple[str, tuple[str, ...]], list[Point]] = {}
+    for point in study.points:
+        ladders.setdefault((point.variant, tuple(knob for knob, _ in point.knobs)), []).append(point)
+    return ladders
 
 
 def arguments_of(study: Study) -> tuple[str, dict[str, float]] | None:
@@ -97,7 +133,7 @@ def draw_over_scenes(study: Study, rows: list[dict], folder: pathlib.Path) -> pa
         return None
     name, values = found
     times = times_of(study)
-    figure, all_axes = plt.subplots(1, len(times), squeeze=False, layout="constrained", figsize=(5.6 * len(times), 4.4))
+    figure, all_axes, foot = grid(plt, 1, len(times), 5.6, 4.2, len(study.points))
     for axes, (quantity, label) in zip(all_axes[0], times):
         for number, point in enumerate(study.points):
             knobs = " ".join(f"{knob}={value}" for knob, value in point.knobs)
@@ -114,7 +150,7 @@ def draw_over_scenes(study: Study, rows: list[dict], folder: pathlib.Path) -> pa
         axes.set_xticks(sorted(values.values()), minor=False)
         axes.set_xticks([], minor=True)
         axes.grid(True, which="both", alpha=0.25)
-    all_axes[0][0].legend(fontsize=8)
+    name_all(foot, all_axes)
     figure.suptitle(f"{study.title}\nmedians with 95 % intervals", fontsize=11)
     return save(plt, figure, file)
 
@@ -132,29 +168,28 @@ def why_none(study: Study, rows: list[dict]) -> str:
 
 def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str) -> None:
     found = {(row["variant"], row["knobs"], row["quantity"]): row for row in rows if row.get("value") is not None}
-    front, dominated = [], []
-    # A line a ladder: a variant that climbs each of its ladders alone has several.
-    ladders: dict[tuple, list[Point]] = {}
-    for point in study.points:
-        ladders.setdefault((point.variant, tuple(knob for knob, _ in point.knobs)), []).append(point)
-    for number, ((variant, own_knobs), points) in enumerate(ladders.items()):
-        drawn = []
+    front, dominated, lane = [], [], []
+    for number, ((variant, own_knobs), points) in enumerate(ladders_of(study).items()):
+        drawn, exact = [], []
+        style = {"capsize": 2, "color": COLORS[number % len(COLORS)], "marker": MARKERS[number % len(MARKERS)], "markersize": 5,
+                 "elinewidth": 0.8}
         for point in points:
             knobs = " ".join(f"{knob}={value}" for knob, value in point.knobs)
             time, error = found.get((variant, knobs, quantity)), found.get((variant, knobs, metric))
-            # A logarithm has no place for an error of 0: such points are in the tables alone.
+            if time and error and time["value"] > 0 and error["value"] == 0:
+                exact.append(time)
             if time and error and time["value"] > 0 and error["value"] > 0:
                 drawn.append((time, error, ", ".join(str(value) for _, value in point.knobs)))
                 dominated += [drawn[-1]] if error.get("dominated_by") else []
                 if error.get("is_on_front") and quantity == "frame":
                     front.append((time["value"], error["value"]))
+        lane += [(exact, f"{variant}: without error", style)] if exact else []
         if not drawn:
             continue
         x, y = [t["value"] for t, _, _ in drawn], [e["value"] for _, e, _ in drawn]
         names = ", ".join(own_knobs)
-        axes.errorbar(x, y, xerr=reaches([t for t, _, _ in drawn]), yerr=reaches([e for _, e, _ in drawn]), capsize=2,
-                      color=COLORS[number % len(COLORS)], marker=MARKERS[number % len(MARKERS)], markersize=5, linewidth=1.2,
-                      elinewidth=0.8, label=f"{variant} ({names})" if names else variant)
+        axes.errorbar(x, y, xerr=reaches([t for t, _, _ in drawn]), yerr=reaches([e for _, e, _ in drawn]), linewidth=1.2,
+                      label=f"{variant} ({names})" if names else variant, **style)
         for k, (time, error, values) in enumerate(drawn):
             if values and (len(values) <= 12 or k in (0, len(drawn) - 1)):
                 axes.annotate(values, (time["value"], error["value"]), textcoords="offset points",
@@ -168,21 +203,38 @@ def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str)
                   zorder=0, label="no other point beats these")
     axes.set(xscale="log", yscale="log")
     axes.margins(0.12)
-    for axis in (axes.xaxis, axes.yaxis):
-        plain_numbers(axis)
+    least = axes.get_ylim()[0]
+    if lane:
+        draw_lane(axes, lane)
+    plain_numbers(axes.xaxis)
+    plain_numbers(axes.yaxis, least)
     axes.grid(True, which="both", alpha=0.25)
 
 
-def plain_numbers(axis) -> None:
-    """0.02 and 50 instead of powers of ten; between these as many as there is room for."""
+def draw_lane(axes, lane: list[tuple[list[dict], str, dict]]) -> None:
+    """Times of points without error, along the lower edge and apart from the rest: a logarithm has no place for 0."""
+    from matplotlib.patches import Rectangle
+
+    low, high = axes.get_ylim()
+    height = 0.09
+    axes.add_artist(Rectangle((0.0, 0.0), 1.0, height, transform=axes.transAxes, color="0.93", zorder=1))
+    axes.text(-0.012, 0.5 * height, "0", transform=axes.transAxes, ha="right", va="center", fontsize=8)
+    for exact, label, style in lane:
+        axes.errorbar([each["value"] for each in exact], [0.5 * height] * len(exact), xerr=reaches(exact), linestyle="none",
+                      transform=axes.get_xaxis_transform(), label=label, **style)
+    axes.set_ylim(low * (low / high) ** (1.2 * height), high)
+
+
+def plain_numbers(axis, least: float = 0.0) -> None:
+    """0.02 and 50 instead of powers of ten; between these as many as there is room for. Below `least` there are none."""
     from matplotlib import ticker
 
     low, high = axis.get_view_interval()
     decades = abs(math.log10(high / low)) if low > 0 and high > 0 else 1
     axis.set_minor_locator(ticker.LogLocator(subs=tuple(range(2, 10)) if decades < 1 else (2, 5), numticks=50))
-    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if decades < 2.5 else ""))
-    axis.set_tick_params(which="both", labelsize=8)
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if value >= least else ""))
+    axis.set_minor_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if value >= least and decades < 2.5 else ""))
+    axis.set_tick_params(which="both", labelsize=8, length=3.5, pad=3.5)  # else numbers stand in two lines
 
 
 def reaches(rows: list[dict]) -> list[list[float]]:

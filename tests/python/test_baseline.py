@@ -3,6 +3,7 @@
 
 import argparse
 import json
+import os
 
 import pytest
 
@@ -162,3 +163,51 @@ def test_a_pass_that_needs_a_feature_is_measured_in_a_scene_that_has_it(tmp_path
         assert tried == [("deferred", "subdivision.py")]
         gauge.scenes = ["cornell_box.py"]
         assert gauge.measure("subdivision/catmull_clark") == {"not_measured": "cornell_box.py has no subdivision.surface"}
+
+
+# ---- What is kept in tests/baselines, on the driver and processor that made it ----
+
+# One of each kind: a picture of its own with a reference, one at random, a function seen in the frame, one that a function shows,
+# counts of its own.
+FAST = ["ambient_occlusion/gtao", "ambient_occlusion/ray_traced", "sky/uniform", "function_image/shadow", "light_assignment/tiled"]
+
+
+def check_kept(capsys, *names):
+    """heddle baseline check against tests/baselines; skips where nothing was recorded on such a machine."""
+    try:
+        status = baseline.baseline(options(None, "check", *names, folder=None), lambda: None)
+    except heddle.Error as error:
+        if "there is no baseline of this machine and driver" in str(error):
+            pytest.skip(" ".join(line.strip() for line in str(error).splitlines()[:3]))
+        raise
+    said = capsys.readouterr().out
+    assert status == 0, (f"{said}A technique makes something else than it did. If that is meant, keep it with the change:\n"
+                         "  build/bin/heddle baseline record ROLE/TECHNIQUE")
+
+
+def test_what_a_handful_of_techniques_make_is_what_was_recorded(capsys):
+    check_kept(capsys, *FAST)
+
+
+@pytest.mark.skipif(not os.environ.get("HEDDLE_TEST_ALL"), reason="minutes: scripts/test --all runs it")
+def test_what_all_techniques_make_is_what_was_recorded(capsys):
+    check_kept(capsys)
+
+
+def test_a_change_that_nobody_meant_shows(tmp_path, monkeypatch, capsys):
+    assert baseline.baseline(options(tmp_path, "record", "ambient_occlusion/gtao"), lambda: None) == 0
+    kept = next(tmp_path.rglob("gtao.json"))
+    before, ask = json.loads(kept.read_text()), baseline.Open.ask
+
+    def planted(self, do, **arguments):
+        if do == "load":  # as if somebody had changed a default of the graph
+            arguments["settings"] += ["ao.params.steps=3"] if "ao.technique=gtao" in arguments["settings"] else []
+        return ask(self, do, **arguments)
+
+    monkeypatch.setattr(baseline.Open, "ask", planted)
+    capsys.readouterr()
+    assert baseline.baseline(options(tmp_path, "check", "ambient_occlusion/gtao"), lambda: None) == 1
+    said = capsys.readouterr().out
+    assert f"ambient_occlusion/gtao: error rmse: {before['errors']['rmse']!r} -> " in said
+    assert "ambient_occlusion/gtao: bytes of ao.visibility: differ\n" in said and "settings" not in said
+    assert said.splitlines()[-1].startswith("checked 1 techniques against ") and said.splitlines()[-1].endswith(", 1 differ")
