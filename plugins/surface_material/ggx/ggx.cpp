@@ -3,7 +3,11 @@
 // README.md.
 #include "ggx.hpp"
 
+#include <algorithm>
 #include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
 #include <numbers>
 
 #include "albedo_map.hpp"
@@ -34,39 +38,54 @@ Vec3 vector_from(const double v[3]) {
   return {v[0], v[1], v[2]};
 }
 
-double texel(int column, int row, int channel) {
-  return static_cast<double>(kAlbedoTexels[2 * (row * kTableWidth + column) + channel]);
+/// Cube root of 0 <= x < 1e9, within 1e-14 of itself; below 1e-30 it is 0. A third of the exponent is the first guess,
+/// to 3 % (Kahan 1991, "Computing a Real Cube Root"), and each of Halley's steps triples its digits: to 2e-5, to 7e-15.
+/// In half the time of the library's, which asks for signs, infinities and denormals.
+double cube_root(double x) {
+  if (x < 1e-30) return 0.0;
+  double root = std::bit_cast<double>(std::bit_cast<std::uint64_t>(x) / 3 + 0x2a9f7893782da1ceULL);
+  for (int i = 0; i < 2; ++i) {
+    const double cube = root * root * root;
+    root *= (cube + 2.0 * x) / (2.0 * cube + x);
+  }
+  return root;
+}
+
+/// Where a table is read: between two texels.
+struct Place {
+  int low;
+  double share;  // of the next
+};
+Place place_of(double position) {
+  const int low = std::clamp(static_cast<int>(position), 0, kTableSize - 2);
+  return {low, position - low};
+}
+
+Albedo texel(int column, int row) {
+  const float* values = kAlbedoTexels + 2 * (row * kTableWidth + column);
+  return {static_cast<double>(values[0]), static_cast<double>(values[1])};
+}
+Albedo mixed(const Albedo& a, const Albedo& b, double share) {
+  return {a.loss + share * (b.loss - a.loss), a.schlick + share * (b.schlick - a.schlick)};
 }
 
 /// (4)
-Albedo directional_albedo(double cosine, double roughness) {
-  const double x = column_from_cosine(cosine, alpha_from_roughness(roughness));
-  const double y = row_from_roughness(roughness);
-  const int column = std::clamp(static_cast<int>(x), 0, kTableSize - 2);
-  const int row = std::clamp(static_cast<int>(y), 0, kTableSize - 2);
-  const double s = x - column, t = y - row;
-  const auto at = [&](int channel) {
-    return (1 - t) * ((1 - s) * texel(column, row, channel) + s * texel(column + 1, row, channel)) +
-           t * ((1 - s) * texel(column, row + 1, channel) + s * texel(column + 1, row + 1, channel));
-  };
-  const double loss = at(0);
-  return {loss, schlick_from_stored(loss, at(1), cosine)};
+Albedo directional_albedo(double cosine, double alpha, const Place& row) {
+  const double k = kAngleScale * alpha;
+  const Place column = place_of(cube_root(cosine * (1.0 + k) / (cosine + k)) * (kTableSize - 1));
+  const auto across = [&](int y) { return mixed(texel(column.low, y), texel(column.low + 1, y), column.share); };
+  const Albedo stored = mixed(across(row.low), across(row.low + 1), row.share);
+  return {stored.loss, schlick_from_stored(stored.loss, stored.schlick, cosine)};
 }
 
 /// (5)
-Albedo average_albedo(double roughness) {
-  const double y = row_from_roughness(roughness);
-  const int row = std::clamp(static_cast<int>(y), 0, kTableSize - 2);
-  const double t = y - row;
-  const auto at = [&](int channel) {
-    return (1 - t) * texel(kTableSize, row, channel) + t * texel(kTableSize, row + 1, channel);
-  };
-  return {at(0), at(1)};
+Albedo average_albedo(const Place& row) {
+  return mixed(texel(kTableSize, row.low), texel(kTableSize, row.low + 1), row.share);
 }
 
 /// (6)
 double multiple_scattering_share(double f0, double average_loss) {
-  const double F_average = (20.0 * f0 + 1.0) / 21.0;
+  const double F_average = (20.0 * f0 + 1.0) * (1.0 / 21.0);
   return F_average * F_average * (1.0 - average_loss) / (1.0 - F_average * average_loss);
 }
 
@@ -77,119 +96,169 @@ double dielectric_albedo(const Albedo& albedo, double f0, double share) {
 
 /// What depends on the point alone.
 struct Material {
+  Material() = default;
   explicit Material(const heddle_surface_point& point)
-      : roughness(clamped_roughness(point.roughness)),
-        alpha(alpha_from_roughness(point.roughness)),
-        average(average_albedo(point.roughness)) {
+      : alpha(alpha_from_roughness(point.roughness)),
+        row(place_of(row_from_roughness(point.roughness))),
+        average(average_albedo(row)) {
     const double r = (point.ior - 1.0) / (point.ior + 1.0);
     f0_dielectric = r * r;
     share_dielectric = multiple_scattering_share(f0_dielectric, average.loss);
-    left_average = std::max(1.0 - dielectric_albedo(average, f0_dielectric, share_dielectric), 1e-6);
+    per_left = 1.0 / std::max(1.0 - dielectric_albedo(average, f0_dielectric, share_dielectric), 1e-6);
+    per_loss = 1.0 / std::max(average.loss, 1e-7);
     for (std::size_t c = 0; c < 3; ++c) {
       f0[c] = f0_dielectric + (point.base_color[c] - f0_dielectric) * point.metalness;
       const double share_metal = multiple_scattering_share(point.base_color[c], average.loss);
       share[c] = share_dielectric + (share_metal - share_dielectric) * point.metalness;
       diffuse[c] = point.base_color[c] * (1.0 - point.metalness);
     }
+    is_diffuse = diffuse[0] > 0.0 || diffuse[1] > 0.0 || diffuse[2] > 0.0;
   }
   /// What the dielectric's specular lobe leaves for diffuse.
   [[nodiscard]] double left(const Albedo& albedo) const {
     return std::max(1.0 - dielectric_albedo(albedo, f0_dielectric, share_dielectric), 0.0);
   }
-  /// Albedo of single scattering, of the bounces after it, and of diffuse, meaned over colour; `albedo` at NoV.
+  /// Albedo of single scattering, of the bounces after it, and of diffuse, summed over colour; `albedo` at NoV.
   [[nodiscard]] Vec3 mean_albedos(const Albedo& albedo) const {
     Vec3 sum{};
     for (std::size_t c = 0; c < 3; ++c) {
-      sum[0] += (f0[c] * (1.0 - albedo.loss) + (1.0 - f0[c]) * albedo.schlick) / 3.0;
-      sum[1] += share[c] * albedo.loss / 3.0;
-      sum[2] += diffuse[c] * left(albedo) / 3.0;
+      sum[0] += f0[c] * (1.0 - albedo.loss) + (1.0 - f0[c]) * albedo.schlick;
+      sum[1] += share[c] * albedo.loss;
+      sum[2] += diffuse[c] * left(albedo);
     }
     return sum;
   }
-  double roughness, alpha;
+  double alpha = 1.0;
+  Place row{};  // of the table
   Albedo average;
-  double f0_dielectric = 0.0, share_dielectric = 0.0, left_average = 1.0;
+  bool is_diffuse = false;
+  double f0_dielectric = 0.0, share_dielectric = 0.0;
+  double per_left = 1.0, per_loss = 1.0;  // 1 over what diffuse keeps, and single scattering loses, on average
   Vec3 f0{}, share{}, diffuse{};
 };
-
-/// (1)
-double D_GGX(const Vec3& H, double alpha) {
-  const double k = alpha / (H[0] * H[0] + H[1] * H[1] + H[2] * H[2] * alpha * alpha);
-  return k * k * inv_pi;
-}
 
 /// sqrt(alpha^2 + cos^2 (1 - alpha^2)): Smith's Lambda times 2 cos, plus cos.
 double smith_root(double cosine, double alpha) {
   return std::sqrt(alpha * alpha + cosine * cosine * (1.0 - alpha * alpha));
 }
 
-/// (2)
-double V_SmithGGXCorrelated(double NoV, double NoL, double alpha) {
-  return 0.5 / std::max(NoL * smith_root(NoV, alpha) + NoV * smith_root(NoL, alpha), 1e-12);
+/// A material and one direction of the viewer.
+struct View {
+  View() = default;
+  View(const Material& material, double cosine)
+      : albedo(directional_albedo(std::clamp(cosine, 0.0, 1.0), material.alpha, material.row)),
+        root(smith_root(std::min(cosine, 1.0), material.alpha)),
+        per_visible(0.5 / (cosine + root)),
+        left(material.left(albedo)) {
+    const Vec3 albedos = material.mean_albedos(albedo);
+    const double sum = albedos[0] + albedos[1] + albedos[2];
+    specular_share = sum > 0.0 ? albedos[0] / sum : 1.0;
+  }
+  Albedo albedo;
+  double root = 1.0;
+  double per_visible = 1.0;  // density of a visible normal's reflection over D: finite at NoV = 0
+  double left = 0.0;
+  double specular_share = 1.0;  // of samples, that go to the visible normals; the others follow the cosine
+};
+
+/// What was asked for before, in each thread: a path asks for the same point and viewer with one direction after
+/// another, and in scenes of few materials without textures most points are met again.
+struct Kept {
+  struct Entry {
+    heddle_surface_point point{};  // struct_size 0: none yet
+    double cosine = -1.0;          // of the viewer; < 0: of none
+    Material material;
+    View view;
+  };
+  static constexpr std::uint32_t kEntriesLog2 = 4;
+  std::array<Entry, std::size_t{1} << kEntriesLog2> entries;
+
+  /// With the view of this cosine, >= 0; valid until the next call.
+  const Entry& at(const heddle_surface_point& point, double cosine) {
+    Entry& entry = entries[hash(point) >> (64U - kEntriesLog2)];
+    const heddle_surface_point& last = entry.point;
+    const bool is_same = last.struct_size != 0 && last.base_color[0] == point.base_color[0] &&
+                         last.base_color[1] == point.base_color[1] && last.base_color[2] == point.base_color[2] &&
+                         last.metalness == point.metalness && last.roughness == point.roughness &&
+                         last.ior == point.ior;
+    if (!is_same) {
+      entry.point = point;
+      entry.point.struct_size = sizeof point;
+      entry.cosine = -1.0;
+      entry.material = Material(point);
+    }
+    if (entry.cosine != cosine) {
+      entry.view = View(entry.material, cosine);
+      entry.cosine = cosine;
+    }
+    return entry;
+  }
+
+ private:
+  static std::uint64_t hash(const heddle_surface_point& point) {
+    std::uint64_t sum = 0;
+    for (const double value :
+         {point.base_color[0], point.base_color[1], point.base_color[2], point.metalness, point.roughness, point.ior})
+      sum = sum * 0x9e3779b97f4a7c15ULL + std::bit_cast<std::uint64_t>(value);
+    return (sum ^ (sum >> 32U)) * 0x9e3779b97f4a7c15ULL;
+  }
+};
+
+const Kept::Entry& kept_of(const heddle_surface_point& point, double cosine) {
+  thread_local constinit Kept kept{};
+  return kept.at(point, cosine);
 }
 
 struct Parts {
   Vec3 diffuse{}, specular{};
+  double pdf = 0.0;
 };
 
-/// Of a material that does not change from one direction of light to the next; `albedo_view` at NoV.
-Parts evaluate_material(const Material& material, const Albedo& albedo_view, const Vec3& V, const Vec3& L,
-                        bool is_compensated) {
+Parts evaluate_material(const Material& material, const View& view, const Vec3& V, const Vec3& L, bool is_compensated) {
   const double NoV = std::min(V[2], 1.0), NoL = std::min(L[2], 1.0);
   Parts parts;
   if (NoL <= 0.0 || NoV < 0.0) return parts;
-  const Vec3 H = normalized({V[0] + L[0], V[1] + L[1], V[2] + L[2]});
-  const double schlick = power5(1.0 - std::clamp(dot(V, H), 0.0, 1.0));
-  const double DV = D_GGX(H, material.alpha) * V_SmithGGXCorrelated(NoV, NoL, material.alpha);
-  const Albedo albedo_light = directional_albedo(NoL, material.roughness);
-  const double bounces = albedo_view.loss * albedo_light.loss * inv_pi / std::max(material.average.loss, 1e-7);
-  const double left = material.left(albedo_view) * material.left(albedo_light) / material.left_average;
+  // (1) of the half vector h before it is made a unit vector: V and L are, so V . h = |h|^2 / 2.
+  const Vec3 h{V[0] + L[0], V[1] + L[1], V[2] + L[2]};
+  const double flat = h[0] * h[0] + h[1] * h[1], up = h[2] * h[2];
+  const double k = material.alpha * (flat + up) / (flat + up * (material.alpha * material.alpha));
+  const double D = k * k * inv_pi;
+  const double schlick = power5(1.0 - std::min(0.5 * std::sqrt(flat + up), 1.0));
+  const double share = view.specular_share;
+  parts.pdf = share * D * view.per_visible + (1.0 - share) * L[2] * inv_pi;  // (10)
+  // (2) V_SmithGGXCorrelated
+  const double DV = D * 0.5 / std::max(NoL * view.root + NoV * smith_root(NoL, material.alpha), 1e-12);
+  for (std::size_t c = 0; c < 3; ++c) parts.specular[c] = (material.f0[c] + (1.0 - material.f0[c]) * schlick) * DV;
+  if (!is_compensated && !material.is_diffuse) return parts;
+  const Albedo albedo_light = directional_albedo(NoL, material.alpha, material.row);
+  const double bounces = view.albedo.loss * albedo_light.loss * inv_pi * material.per_loss;
+  const double left = view.left * material.left(albedo_light) * material.per_left * inv_pi;
   for (std::size_t c = 0; c < 3; ++c) {
-    parts.specular[c] = (material.f0[c] + (1.0 - material.f0[c]) * schlick) * DV;
     if (is_compensated) parts.specular[c] += material.share[c] * bounces;  // (7)
-    parts.diffuse[c] = material.diffuse[c] * inv_pi * left;                // (9)
+    parts.diffuse[c] = material.diffuse[c] * left;                         // (9)
   }
   return parts;
 }
 
-Albedo albedo_towards(const Material& material, const double view[3]) {
-  return directional_albedo(std::clamp(view[2], 0.0, 1.0), material.roughness);
+Parts evaluate_point(const heddle_surface_point& point, const double view[3], const double light[3],
+                     bool is_compensated) {
+  if (!(view[2] >= 0.0 && light[2] > 0.0)) return {};
+  const Kept::Entry& kept = kept_of(point, view[2]);
+  return evaluate_material(kept.material, kept.view, vector_from(view), vector_from(light), is_compensated);
 }
 
 void evaluate(const heddle_surface_point* point, const double view[3], const double light[3], uint32_t lobe,
               uint32_t multiple_scattering, double out_rgb[3]) {
-  const Material material(*point);
-  const Parts parts = evaluate_material(material, albedo_towards(material, view), vector_from(view), vector_from(light),
-                                        multiple_scattering != 0);
+  const Parts parts = evaluate_point(*point, view, light, multiple_scattering != 0);
   for (std::size_t c = 0; c < 3; ++c)
     out_rgb[c] = (lobe != 1 ? parts.specular[c] : 0.0) + (lobe != 2 ? parts.diffuse[c] : 0.0);
 }
 
-/// Share of samples that go to the visible normals; the others follow the cosine.
-double specular_share(const Material& material, const Albedo& albedo_view) {
-  const Vec3 albedos = material.mean_albedos(albedo_view);
-  const double sum = albedos[0] + albedos[1] + albedos[2];
-  return sum > 0.0 ? albedos[0] / sum : 1.0;
-}
-
-/// (10) Density of the reflection of visible normals; finite at NoV = 0.
-double pdf_visible_normals(const Vec3& V, const Vec3& L, double alpha) {
-  const Vec3 H = normalized({V[0] + L[0], V[1] + L[1], V[2] + L[2]});
-  return D_GGX(H, alpha) * 0.5 / (V[2] + smith_root(V[2], alpha));
-}
-
-double pdf_material(const Material& material, double share, const Vec3& V, const Vec3& L) {
-  if (L[2] <= 0.0 || V[2] < 0.0) return 0.0;
-  return share * pdf_visible_normals(V, L, material.alpha) + (1.0 - share) * L[2] * inv_pi;
-}
-
 double pdf(const heddle_surface_point* point, const double view[3], const double light[3]) {
-  const Material material(*point);
-  return pdf_material(material, specular_share(material, albedo_towards(material, view)), vector_from(view),
-                      vector_from(light));
+  return evaluate_point(*point, view, light, false).pdf;
 }
 
-/// `share`: specular_share. False: reflected into the surface.
+/// `share`: View::specular_share. False: reflected into the surface.
 bool sample_material(const Material& material, double share, const double view[3], const double u[2], double u_lobe,
                      Vec3& L) {
   if (view[2] < 0.0) return false;
@@ -214,8 +283,16 @@ bool sample_material(const Material& material, double share, const double view[3
   } else {
     L = {radius * std::cos(angle), radius * std::sin(angle), std::sqrt(std::max(0.0, 1.0 - u[0]))};
   }
-  if (L[2] <= 0.0) return false;
-  L = normalized(L);
+  return L[2] > 0.0;
+}
+
+/// The direction, with what the material does with it; false: none.
+bool sample_point(const heddle_surface_point& point, const double view[3], const double u[2], double u_lobe,
+                  bool is_compensated, Vec3& L, Parts& parts) {
+  if (!(view[2] >= 0.0)) return false;
+  const Kept::Entry& kept = kept_of(point, view[2]);
+  if (!sample_material(kept.material, kept.view.specular_share, view, u, u_lobe, L)) return false;
+  parts = evaluate_material(kept.material, kept.view, vector_from(view), L, is_compensated);
   return true;
 }
 
@@ -223,52 +300,40 @@ void sample(const heddle_surface_point* point, const double view[3], const doubl
             double out_light[3], double* out_pdf) {
   std::fill(out_light, out_light + 3, 0.0);
   *out_pdf = 0.0;
-  const Material material(*point);
-  const double share = specular_share(material, albedo_towards(material, view));
   Vec3 L;
-  if (!sample_material(material, share, view, u, u_lobe, L)) return;
+  Parts parts;
+  if (!sample_point(*point, view, u, u_lobe, false, L, parts)) return;
   std::copy(L.begin(), L.end(), out_light);
-  *out_pdf = pdf_material(material, share, vector_from(view), L);
-}
-
-void put_parts(const Material& material, const Albedo& albedo_view, double share, const double view[3], const Vec3& L,
-               bool is_compensated, double out_diffuse[3], double out_specular[3], double* out_pdf) {
-  const Parts parts = evaluate_material(material, albedo_view, vector_from(view), L, is_compensated);
-  std::copy(parts.diffuse.begin(), parts.diffuse.end(), out_diffuse);
-  std::copy(parts.specular.begin(), parts.specular.end(), out_specular);
-  *out_pdf = pdf_material(material, share, vector_from(view), L);
+  *out_pdf = parts.pdf;
 }
 
 void evaluate_parts(const heddle_surface_point* point, const double view[3], const double light[3],
                     uint32_t multiple_scattering, double out_diffuse[3], double out_specular[3], double* out_pdf) {
-  const Material material(*point);
-  const Albedo albedo_view = albedo_towards(material, view);
-  put_parts(material, albedo_view, specular_share(material, albedo_view), view, vector_from(light),
-            multiple_scattering != 0, out_diffuse, out_specular, out_pdf);
+  const Parts parts = evaluate_point(*point, view, light, multiple_scattering != 0);
+  std::copy(parts.diffuse.begin(), parts.diffuse.end(), out_diffuse);
+  std::copy(parts.specular.begin(), parts.specular.end(), out_specular);
+  *out_pdf = parts.pdf;
 }
 
 void sample_parts(const heddle_surface_point* point, const double view[3], const double u[2], double u_lobe,
                   uint32_t multiple_scattering, double out_light[3], double out_diffuse[3], double out_specular[3],
                   double* out_pdf) {
-  const Material material(*point);
-  const Albedo albedo_view = albedo_towards(material, view);
-  const double share = specular_share(material, albedo_view);
-  Vec3 L;
-  *out_pdf = 0.0;
-  if (sample_material(material, share, view, u, u_lobe, L)) {
-    std::copy(L.begin(), L.end(), out_light);
-    put_parts(material, albedo_view, share, view, L, multiple_scattering != 0, out_diffuse, out_specular, out_pdf);
-    return;
-  }
-  for (double* out : {out_light, out_diffuse, out_specular}) std::fill(out, out + 3, 0.0);
+  Vec3 L{};
+  Parts parts;
+  if (!sample_point(*point, view, u, u_lobe, multiple_scattering != 0, L, parts)) L = {};
+  std::copy(L.begin(), L.end(), out_light);
+  std::copy(parts.diffuse.begin(), parts.diffuse.end(), out_diffuse);
+  std::copy(parts.specular.begin(), parts.specular.end(), out_specular);
+  *out_pdf = parts.pdf;
 }
 
 void albedo(const heddle_surface_point* point, double n_dot_v, uint32_t lobe, uint32_t multiple_scattering,
             double out_rgb[3]) {
   std::fill(out_rgb, out_rgb + 3, 0.0);
   if (n_dot_v < 0.0) return;
-  const Material material(*point);
-  const Albedo one = directional_albedo(std::min(n_dot_v, 1.0), material.roughness);
+  const Kept::Entry& kept = kept_of(*point, n_dot_v);
+  const Material& material = kept.material;
+  const Albedo& one = kept.view.albedo;
   for (std::size_t c = 0; c < 3; ++c) {
     if (lobe != 1) {
       out_rgb[c] += material.f0[c] * (1.0 - one.loss) + (1.0 - material.f0[c]) * one.schlick;
