@@ -24,35 +24,53 @@ inline std::uint32_t reverse_bits(std::uint32_t x) {
   return (x >> 16U) | (x << 16U);
 }
 
-/// Nested uniform (Owen) scrambling by a hash in which a bit changes higher bits only: Burley 2020, "Practical
-/// Hash-based Owen Scrambling", with the multipliers of Vegdahl 2021, "Building a Better LK Hash".
-inline std::uint32_t scramble_owen(std::uint32_t x, std::uint32_t seed) {
-  x = reverse_bits(x);
+/// Two words at once.
+inline std::uint64_t reverse_bits_of_both(std::uint64_t x) {
+  x = ((x >> 1U) & 0x5555555555555555ULL) | ((x & 0x5555555555555555ULL) << 1U);
+  x = ((x >> 2U) & 0x3333333333333333ULL) | ((x & 0x3333333333333333ULL) << 2U);
+  x = ((x >> 4U) & 0x0f0f0f0f0f0f0f0fULL) | ((x & 0x0f0f0f0f0f0f0f0fULL) << 4U);
+  x = ((x >> 8U) & 0x00ff00ff00ff00ffULL) | ((x & 0x00ff00ff00ff00ffULL) << 8U);
+  return ((x >> 16U) & 0x0000ffff0000ffffULL) | ((x & 0x0000ffff0000ffffULL) << 16U);
+}
+
+/// A hash in which a bit changes higher bits only: Burley 2020, "Practical Hash-based Owen Scrambling", with the
+/// multipliers of Vegdahl 2021, "Building a Better LK Hash".
+inline std::uint32_t hash_upwards(std::uint32_t x, std::uint32_t seed) {
   x ^= x * 0x3d20adeaU;
   x += seed;
   x *= (seed >> 16U) | 1U;
   x ^= x * 0x05526c56U;
   x ^= x * 0x53a22864U;
-  return reverse_bits(x);
+  return x;
+}
+
+/// Nested uniform (Owen) scrambling: the same hash from the highest bit down.
+inline std::uint32_t scramble_owen(std::uint32_t x, std::uint32_t seed) {
+  return reverse_bits(hash_upwards(reverse_bits(x), seed));
 }
 
 /// Point `index` of the first two Sobol dimensions, scrambled: in (0, 1)^2. Sobol 1967; the second dimension belongs to
 /// the polynomial x + 1, whose direction numbers follow from one another by v ^= v >> 1.
 class Sobol2 {
  public:
-  explicit Sobol2(std::uint64_t seed)
-      : seed_x_(static_cast<std::uint32_t>(mix_bits(seed))),
-        seed_y_(static_cast<std::uint32_t>(mix_bits(seed) >> 32U)) {}
+  explicit Sobol2(std::uint64_t seed) {
+    const std::uint64_t both = mix_bits(seed);
+    seed_x_ = static_cast<std::uint32_t>(both);
+    seed_y_ = static_cast<std::uint32_t>(both >> 32U);
+  }
 
   [[nodiscard]] glm::dvec2 point(std::uint32_t index) const {
     // Multiplying by Pascal's triangle modulo 2: what adding v, v ^ (v >> 1), ... for each bit of the index comes to.
-    std::uint32_t y = reverse_bits(index);
-    y ^= (y & 0x55555555U) << 1U;
-    y ^= (y & 0x33333333U) << 2U;
-    y ^= (y & 0x0f0f0f0fU) << 4U;
-    y ^= (y & 0x00ff00ffU) << 8U;
-    y ^= (y & 0x0000ffffU) << 16U;
-    return {unit(scramble_owen(reverse_bits(index), seed_x_)), unit(scramble_owen(y, seed_y_))};
+    // Both coordinates are kept with their lowest bit first, as the hash takes them, until they are done.
+    std::uint32_t y = index;
+    y ^= (y >> 1U) & 0x55555555U;
+    y ^= (y >> 2U) & 0x33333333U;
+    y ^= (y >> 4U) & 0x0f0f0f0fU;
+    y ^= (y >> 8U) & 0x00ff00ffU;
+    y ^= (y >> 16U) & 0x0000ffffU;
+    const std::uint64_t both =
+        reverse_bits_of_both((std::uint64_t{hash_upwards(y, seed_y_)} << 32U) | hash_upwards(index, seed_x_));
+    return {unit(static_cast<std::uint32_t>(both)), unit(static_cast<std::uint32_t>(both >> 32U))};
   }
 
  private:

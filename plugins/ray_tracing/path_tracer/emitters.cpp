@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "emitters.hpp"
 
+#include "hemisphere.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -139,29 +141,33 @@ double Emitters::weight_of(const Light& light, const dvec3& point, const dvec3& 
 
 Emitters::Weights Emitters::weigh(const dvec3& point, const dvec3& normal) const {
   Weights weights;
-  weights.sky = sky_->mean_irradiance();
-  weights.tree = tree_.importance(point, normal);
-  weights.add(weights.sky);
-  weights.add(weights.tree);
-  for (const std::uint32_t i : outside_) weights.add(weight_of(lights_[i], point, normal));
+  for (const std::uint32_t i : outside_) {
+    const double weight = weight_of(lights_[i], point, normal);
+    weights.sum += weight;
+    weights.count += weight > 0.0 ? 1U : 0U;
+  }
   return weights;
+}
+
+LightSample Emitters::sample_light_of(const Light& light, double probability, const dvec3& point,
+                                      const dvec2& u) const {
+  LightSample sample;
+  sample.probability = probability;
+  sample.has_size = light.has_size();
+  sample.arrival = sample.has_size ? sample_light(light, point, u, textures_) : arrival_without_size(light, point);
+  sample.casts_shadow = light.casts_shadow;
+  // What passes through everything is not met in the order of a ray's hits.
+  sample.can_be_met = light.casts_shadow;
+  sample.has_slack = light.is_shape();
+  return sample;
 }
 
 LightSample Emitters::sample_near(const dvec3& point, const dvec3& normal, double u_choice, const dvec2& u) const {
   const LightTree::Choice choice = tree_.choose(point, normal, u_choice);
+  if (choice.probability <= 0.0) return {};
+  if (choice.emitter < lights_.size()) return sample_light_of(lights_[choice.emitter], choice.probability, point, u);
   LightSample sample;
   sample.probability = choice.probability;
-  if (choice.probability <= 0.0) return sample;
-  if (choice.emitter < lights_.size()) {
-    const Light& light = lights_[choice.emitter];
-    sample.has_size = light.has_size();
-    sample.arrival = sample.has_size ? sample_light(light, point, u, textures_) : arrival_without_size(light, point);
-    sample.casts_shadow = light.casts_shadow;
-    // What passes through everything is not met in the order of a ray's hits.
-    sample.can_be_met = light.casts_shadow;
-    sample.has_slack = light.is_shape();
-    return sample;
-  }
   const std::uint32_t triangle = triangles_[choice.emitter - lights_.size()];
   const dvec2 at = sample_triangle(u);
   const Foot foot = geometry_->foot(triangle, at.x, at.y);
@@ -177,47 +183,55 @@ LightSample Emitters::sample_near(const dvec3& point, const dvec3& normal, doubl
   return sample;
 }
 
-LightSample Emitters::sample(const dvec3& point, const dvec3& normal, double u_choice, const dvec2& u) const {
+LightSample Emitters::sample_far(const dvec3& point, const dvec3& normal, double u_choice, const dvec2& u) const {
   const Weights weights = weigh(point, normal);
-  if (weights.count == 0) return {};
-  LightSample sample;
-  double rest = u_choice;
-  const auto takes = [&](double weight) {
-    const double share = weights.share(weight);
-    if (rest < share) {
-      sample.probability = share;
-      return true;
-    }
-    rest -= share;
-    return false;
-  };
-  // Rounding may leave a hair of u to nobody: the tree comes last, and takes it if it can.
-  if (takes(weights.sky)) {
-    const SkyMap::Drawn drawn = sky_->sample(u);
-    sample.arrival = {drawn.direction, kInfinity, sky_->radiance(drawn.direction), drawn.pdf};
-    sample.has_size = sample.can_be_met = true;
-    return sample;
-  }
+  const Light* chosen = nullptr;
+  double rest = u_choice, share = 0.0;
   for (const std::uint32_t i : outside_) {
-    const Light& light = lights_[i];
-    if (!takes(weight_of(light, point, normal))) continue;
-    sample.has_size = light.has_size();
-    sample.arrival = sample.has_size ? sample_light(light, point, u, textures_) : arrival_without_size(light, point);
-    sample.casts_shadow = light.casts_shadow;
-    sample.can_be_met = light.casts_shadow;
-    return sample;
+    const double own = weights.share(weight_of(lights_[i], point, normal));
+    if (!(own > 0.0)) continue;
+    // Rounding may leave a hair of u to nobody: the last one takes it.
+    chosen = &lights_[i];
+    share = own;
+    if (rest < own) break;
+    rest -= own;
   }
-  const double share = weights.share(weights.tree);
-  if (!(share > 0.0)) return {};
-  sample = sample_near(point, normal, std::min(rest / share, 1.0 - 0x1p-53), u);
-  sample.probability *= share;
+  return chosen != nullptr ? sample_light_of(*chosen, share, point, u) : LightSample{};
+}
+
+LightSample Emitters::sample_sky(const dvec3& normal, const dvec2& u) const {
+  LightSample sample;
+  sample.probability = 1.0;
+  sample.has_size = sample.can_be_met = true;
+  if (!sky_->is_even()) {
+    const SkyMap::Drawn drawn = sky_->sample(u);
+    sample.arrival = {drawn.direction, kInfinity, drawn.radiance, drawn.pdf};
+  } else {
+    // Of an even sky the cosine is all that tells directions apart.
+    const dvec3 local = sampling::sample_cosine_hemisphere(u), direction = sampling::basis_around(normal) * local;
+    sample.arrival = {direction, kInfinity, sky_->radiance(direction), local.z / pi};
+  }
   return sample;
 }
 
-double Emitters::pdf_sky(const dvec3& point, const dvec3& normal, const dvec3& direction) const {
-  if (!sky_->shines()) return 0.0;
-  const Weights weights = weigh(point, normal);
-  return sky_->pdf(direction) * weights.share(weights.sky);
+LightSample Emitters::sample(Kind kind, const dvec3& point, const dvec3& normal, double u_choice,
+                             const dvec2& u) const {
+  switch (kind) {
+    case Kind::kSky:
+      return sample_sky(normal, u);
+    case Kind::kNear:
+      return sample_near(point, normal, u_choice, u);
+    case Kind::kFar:
+      break;
+  }
+  return sample_far(point, normal, u_choice, u);
+}
+
+Emitters::Background Emitters::background(const dvec3& normal, const dvec3& direction) const {
+  if (!sky_->shines()) return {};
+  if (sky_->is_even()) return {sky_->radiance(direction), std::max(glm::dot(normal, direction), 0.0) / pi};
+  const SkyMap::Drawn seen = sky_->look(direction);
+  return {seen.radiance, seen.pdf};
 }
 
 double Emitters::pdf_triangle(const dvec3& point, const dvec3& normal, std::uint32_t triangle, const Foot& foot,
@@ -225,9 +239,8 @@ double Emitters::pdf_triangle(const dvec3& point, const dvec3& normal, std::uint
   if (emitter_of_.empty() || emitter_of_[triangle] == ~0U) return 0.0;
   const double cosine = std::abs(glm::dot(direction, foot.facet));
   if (!(cosine > 0.0)) return 0.0;
-  const Weights weights = weigh(point, normal);
-  return distance * distance / (cosine * foot.area) * tree_.probability(point, normal, emitter_of_[triangle]) *
-         weights.share(weights.tree);
+  const double probability = tree_.probability(point, normal, emitter_of_[triangle]);
+  return distance * distance / (cosine * foot.area) * probability;
 }
 
 }  // namespace heddle::path_tracer

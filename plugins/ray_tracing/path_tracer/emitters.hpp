@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// All that sends light to a point - lights, glowing triangles, the sky - and one of them drawn for it. README (4), (5).
+// All that sends light to a point - lights, glowing triangles, the sky - and one of each kind drawn for it. README (4),
+// (5).
 #pragma once
 
 #include "geometry.hpp"
@@ -7,6 +8,8 @@
 #include "light_tree.hpp"
 #include "sky_map.hpp"
 #include "surfaces.hpp"
+
+#include <array>
 
 namespace heddle::path_tracer {
 
@@ -26,7 +29,13 @@ class Emitters {
   void update(std::span<const HeddleLight> lights, std::span<const glm::vec4> light_textures, const glm::dvec3& origin,
               const Geometry& geometry, const Surfaces& surfaces, const SkyMap& sky, bool glows);
 
-  [[nodiscard]] LightSample sample(const glm::dvec3& point, const glm::dvec3& normal, double u_choice,
+  /// Kinds of emitters: of each one is drawn, whatever there is of the others.
+  enum class Kind : std::uint32_t { kSky, kNear, kFar };  // the tree's; directional lights and boxes
+  static constexpr std::array<Kind, 3> kKinds{Kind::kNear, Kind::kSky, Kind::kFar};
+  [[nodiscard]] bool has(Kind kind) const {
+    return kind == Kind::kSky ? sky_->shines() : kind == Kind::kNear ? !tree_.is_empty() : !outside_.empty();
+  }
+  [[nodiscard]] LightSample sample(Kind kind, const glm::dvec3& point, const glm::dvec3& normal, double u_choice,
                                    const glm::dvec2& u) const;
 
   /// add(value, density): what a ray from `point` meets of lights' shapes and farther away than `first` up to `length`,
@@ -38,9 +47,13 @@ class Emitters {
   template <typename Add>
   void meet_discs(const glm::dvec3& point, const glm::dvec3& normal, const glm::dvec3& direction, const Add& add) const;
 
-  /// Density per steradian with which sample() draws the sky in this direction.
-  [[nodiscard]] double pdf_sky(const glm::dvec3& point, const glm::dvec3& normal, const glm::dvec3& direction) const;
-  /// ... and a point of a glowing triangle, `distance` away; 0 if it is no emitter.
+  struct Background {
+    glm::dvec3 radiance{0.0};
+    double pdf = 0.0;
+  };
+  /// The sky, and the density per steradian with which sample() draws it, in this direction.
+  [[nodiscard]] Background background(const glm::dvec3& normal, const glm::dvec3& direction) const;
+  /// ... and of a point of a glowing triangle, `distance` away; 0 if it is no emitter.
   [[nodiscard]] double pdf_triangle(const glm::dvec3& point, const glm::dvec3& normal, std::uint32_t triangle,
                                     const Foot& foot, const glm::dvec3& direction, double distance) const;
 
@@ -50,22 +63,23 @@ class Emitters {
   [[nodiscard]] std::size_t triangle_count() const { return triangles_.size(); }
 
  private:
-  /// What chooses among the sky, the tree, and lights that are not in the tree: half by how much each may send, half
-  /// evenly among those that may send anything.
+  /// What chooses among lights that are not in the tree: half by how much each may send, half evenly among those that
+  /// may send anything.
   struct Weights {
-    double sky = 0.0, tree = 0.0, sum = 0.0;
+    double sum = 0.0;
     std::uint32_t count = 0;
-    void add(double weight) {
-      sum += weight;
-      count += weight > 0.0 ? 1U : 0U;
-    }
     [[nodiscard]] double share(double weight) const { return weight > 0.0 ? 0.5 * (weight / sum + 1.0 / count) : 0.0; }
   };
   [[nodiscard]] Weights weigh(const glm::dvec3& point, const glm::dvec3& normal) const;
   /// Of a light that is not in the tree: about the lux that it sends; 0 only where it sends none.
   [[nodiscard]] double weight_of(const Light& light, const glm::dvec3& point, const glm::dvec3& normal) const;
+  [[nodiscard]] LightSample sample_sky(const glm::dvec3& normal, const glm::dvec2& u) const;
   [[nodiscard]] LightSample sample_near(const glm::dvec3& point, const glm::dvec3& normal, double u_choice,
                                         const glm::dvec2& u) const;
+  [[nodiscard]] LightSample sample_far(const glm::dvec3& point, const glm::dvec3& normal, double u_choice,
+                                       const glm::dvec2& u) const;
+  [[nodiscard]] LightSample sample_light_of(const Light& light, double probability, const glm::dvec3& point,
+                                            const glm::dvec2& u) const;
 
   std::vector<Light> lights_;
   std::vector<std::uint32_t> outside_;     // of the tree: directional lights and boxes
@@ -85,8 +99,7 @@ void Emitters::meet(const glm::dvec3& point, const glm::dvec3& normal, const glm
     if (emitter >= lights_.size() || !lights_[emitter].casts_shadow) return;
     const Arrival met = meet_light(lights_[emitter], point, direction, first, length, textures_);
     if (!(met.pdf > 0.0)) return;
-    const Weights weights = weigh(point, normal);
-    add(met.value, met.pdf * tree_.probability(point, normal, emitter) * weights.share(weights.tree));
+    add(met.value, met.pdf * tree_.probability(point, normal, emitter));
   });
 }
 

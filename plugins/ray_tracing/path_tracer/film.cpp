@@ -21,8 +21,8 @@ struct FileHead {
   std::uint64_t check;  // of all else
   std::uint32_t width, height, tile_count, settings_bytes;
 };
-// The last of these is the format: 2 hashes the head too.
-constexpr char kMagic[8] = {'H', 'D', 'L', 'P', 'A', 'T', 'H', '2'};
+// The last of these is the format: 3 has four scramblings' sums, 2 had eight.
+constexpr char kMagic[8] = {'H', 'D', 'L', 'P', 'A', 'T', 'H', '3'};
 
 std::uint64_t check_of(FileHead head, const std::string& settings, const std::vector<std::uint32_t>& tiles,
                        const std::vector<PixelSums>& pixels) {
@@ -102,7 +102,8 @@ FilmError Film::error() const {
 }
 
 std::string Film::save(const std::filesystem::path& file, const std::string& settings) const {
-  static_assert(std::is_trivially_copyable_v<PixelSums> && sizeof(PixelSums) == 39 * sizeof(double));
+  static_assert(std::is_trivially_copyable_v<PixelSums> &&
+                sizeof(PixelSums) == (3 * kReplicates + 15) * sizeof(double));
   FileHead head{};
   std::memcpy(head.magic, kMagic, sizeof kMagic);
   head.key = key_;

@@ -11,20 +11,51 @@ using glm::dvec3;
 
 constexpr std::size_t kOpaque = 0, kMasked = 1;  // geometries of what is solid
 
-template <typename EmbreeRay>
-void fill(EmbreeRay& out, const Ray& ray) {
-  out.org_x = static_cast<float>(ray.origin.x);
-  out.org_y = static_cast<float>(ray.origin.y);
-  out.org_z = static_cast<float>(ray.origin.z);
-  out.dir_x = static_cast<float>(ray.direction.x);
-  out.dir_y = static_cast<float>(ray.direction.y);
-  out.dir_z = static_cast<float>(ray.direction.z);
+Query query_of(const Ray& ray, Query::Kind kind) {
+  const auto f = [](double x) { return static_cast<float>(x); };
+  return {{f(ray.origin.x), f(ray.origin.y), f(ray.origin.z)},
+          {f(ray.direction.x), f(ray.direction.y), f(ray.direction.z)},
+          f(ray.length),
+          kind};
+}
+
+void fill(RTCRay& out, const Query& query) {
+  out.org_x = query.origin[0];
+  out.org_y = query.origin[1];
+  out.org_z = query.origin[2];
+  out.dir_x = query.direction[0];
+  out.dir_y = query.direction[1];
+  out.dir_z = query.direction[2];
   out.tnear = 0.0F;
-  out.tfar = static_cast<float>(ray.length);
+  out.tfar = query.length;
   out.time = 0.0F;
   out.mask = ~0U;
   out.id = 0;
   out.flags = 0;
+}
+
+/// hit.geomID says whether there is one.
+void intersect(RTCScene scene, const Query& query, RTCRayHit& out) {
+  fill(out.ray, query);
+  out.hit.geomID = out.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  rtcIntersect1(scene, &context, &out);
+}
+
+bool is_occluded(RTCScene scene, const Query& query) {
+  RTCRay ray;
+  fill(ray, query);
+  RTCIntersectContext context;
+  rtcInitIntersectContext(&context);
+  rtcOccluded1(scene, &context, &ray);
+  return ray.tfar < 0.0F;  // Embree's mark
+}
+
+void note(Queries* record, const Query& query, bool is_hit) {
+  if (record == nullptr) return;
+  record->list.push_back(query);
+  record->hits += is_hit ? 1U : 0U;
 }
 
 }  // namespace
@@ -82,6 +113,16 @@ bool Geometry::update(const heddle_snapshot& snapshot) {
   const auto* indices = reinterpret_cast<const glm::uvec3*>(snapshot.indices);
   positions_.assign(positions, positions + snapshot.vertex_count);
   indices_.assign(indices, indices + snapshot.triangle_count);
+  planes_.resize(snapshot.triangle_count);
+  for (std::size_t i = 0; i < planes_.size(); ++i) {
+    const dvec3 p0 = positions_[indices_[i].x], p1 = positions_[indices_[i].y], p2 = positions_[indices_[i].z];
+    const dvec3 scaled = glm::cross(p1 - p0, p2 - p0);
+    const double length = glm::length(scaled);
+    const double largest =
+        std::max({embree::largest_coordinate(p0), embree::largest_coordinate(p1), embree::largest_coordinate(p2)});
+    planes_[i] = {length > 0.0 ? scaled / length : dvec3(0.0), 0.5 * length,
+                  embree::kUncertainUlps * embree::kUlp * largest};
+  }
   std::vector<std::vector<std::uint32_t>> solid(2), blended(1);
   for (std::uint32_t i = 0; i < snapshot.triangle_count; ++i) {
     const std::uint32_t flags = snapshot.flags[i];
@@ -99,58 +140,60 @@ bool Geometry::update(const heddle_snapshot& snapshot) {
   return is_built_;
 }
 
-bool Geometry::find(const Part& part, const Ray& ray, Hit& out) const {
+bool Geometry::find(const Part& part, const Ray& ray, Hit& out, Query::Kind kind, Queries* record) const {
   if (part.scene == nullptr) return false;
-  RTCRayHit query;
-  fill(query.ray, ray);
-  query.hit.geomID = query.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  rtcIntersect1(part.scene, &context, &query);
-  if (query.hit.geomID == RTC_INVALID_GEOMETRY_ID) return false;
-  out.triangle = part.triangles[query.hit.geomID][query.hit.primID];
-  out.u = static_cast<double>(query.hit.u);
-  out.v = static_cast<double>(query.hit.v);
-  out.distance = static_cast<double>(query.ray.tfar);
+  const Query query = query_of(ray, kind);
+  RTCRayHit found;
+  intersect(part.scene, query, found);
+  const bool is_hit = found.hit.geomID != RTC_INVALID_GEOMETRY_ID;
+  note(record, query, is_hit);
+  if (!is_hit) return false;
+  out.triangle = part.triangles[found.hit.geomID][found.hit.primID];
+  out.u = static_cast<double>(found.hit.u);
+  out.v = static_cast<double>(found.hit.v);
+  out.distance = static_cast<double>(found.ray.tfar);
   return true;
 }
 
-bool Geometry::find_blended(const Ray& ray, Hit& out) const {
-  return find(blended_, ray, out);
+bool Geometry::find_blended(const Ray& ray, Hit& out, Queries* record) const {
+  return find(blended_, ray, out, Query::kNearestBlended, record);
 }
 
-bool Geometry::find_nearest(const Ray& ray, Hit& out) const {
-  const bool is_solid = find(solid_, ray, out);
+bool Geometry::find_nearest(const Ray& ray, Hit& out, Queries* record) const {
+  const bool is_solid = find(solid_, ray, out, Query::kNearestSolid, record);
   if (!has_blended()) return is_solid;
   Ray rest = ray;
   if (is_solid) rest.length = out.distance;
-  return find(blended_, rest, out) || is_solid;
+  return find_blended(rest, out, record) || is_solid;
 }
 
-bool Geometry::is_blocked(const Ray& ray) const {
+bool Geometry::is_blocked(const Ray& ray, Queries* record) const {
   if (solid_.scene == nullptr) return false;
-  RTCRay query;
-  fill(query, ray);
-  RTCIntersectContext context;
-  rtcInitIntersectContext(&context);
-  rtcOccluded1(solid_.scene, &context, &query);
-  return query.tfar < 0.0F;  // Embree's mark
+  const Query query = query_of(ray, Query::kBlocked);
+  const bool is_hit = is_occluded(solid_.scene, query);
+  note(record, query, is_hit);
+  return is_hit;
+}
+
+std::uint64_t Geometry::replay(std::span<const Query> queries) const {
+  std::uint64_t hits = 0;
+  for (const Query& query : queries) {
+    if (query.kind == Query::kBlocked) {
+      hits += is_occluded(solid_.scene, query) ? 1U : 0U;
+      continue;
+    }
+    RTCRayHit found;
+    intersect(query.kind == Query::kNearestSolid ? solid_.scene : blended_.scene, query, found);
+    hits += found.hit.geomID != RTC_INVALID_GEOMETRY_ID ? 1U : 0U;
+  }
+  return hits;
 }
 
 Foot Geometry::foot(std::uint32_t triangle, double u, double v) const {
   const glm::uvec3 corner = indices_[triangle];
   const dvec3 p0 = positions_[corner.x], p1 = positions_[corner.y], p2 = positions_[corner.z];
-  const dvec3 e1 = p1 - p0, e2 = p2 - p0;
-  const dvec3 scaled = glm::cross(e1, e2);
-  const double length = glm::length(scaled);
-  Foot foot;
-  foot.position = p0 + u * e1 + v * e2;
-  foot.facet = length > 0.0 ? scaled / length : dvec3(0.0);
-  foot.area = 0.5 * length;
-  foot.lift =
-      embree::kUncertainUlps * embree::kUlp *
-      std::max({embree::largest_coordinate(p0), embree::largest_coordinate(p1), embree::largest_coordinate(p2)});
-  return foot;
+  const Plane& plane = planes_[triangle];
+  return {p0 + u * (p1 - p0) + v * (p2 - p0), plane.facet, plane.area, plane.lift};
 }
 
 }  // namespace heddle::path_tracer

@@ -8,8 +8,10 @@
 
 #include <glm/glm.hpp>
 
+#include <array>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <vector>
 
 namespace heddle::path_tracer {
@@ -34,6 +36,20 @@ struct Foot {
   [[nodiscard]] glm::dvec3 above(double side) const { return position + facet * (side * lift); }
 };
 
+/// One question to Embree, as it was asked.
+struct Query {
+  enum Kind : std::uint32_t { kNearestSolid, kNearestBlended, kBlocked };
+  std::array<float, 3> origin, direction;
+  float length;
+  Kind kind;
+};
+
+/// What one thread asked, in order.
+struct Queries {
+  std::vector<Query> list;
+  std::uint64_t hits = 0;
+};
+
 /// Embree scenes of what is solid (masks with their holes) and of what is blended. Tracing: [any-thread].
 class Geometry {
  public:
@@ -51,12 +67,15 @@ class Geometry {
     test_ = test;
   }
 
+  // `record`: takes what Embree was asked; nullptr: nobody wants to know.
   /// The first hit, blended surfaces too; false: none.
-  [[nodiscard]] bool find_nearest(const Ray& ray, Hit& out) const;
+  [[nodiscard]] bool find_nearest(const Ray& ray, Hit& out, Queries* record) const;
   /// The first blended surface on the way; false: none.
-  [[nodiscard]] bool find_blended(const Ray& ray, Hit& out) const;
+  [[nodiscard]] bool find_blended(const Ray& ray, Hit& out, Queries* record) const;
   /// True if something solid is on the way.
-  [[nodiscard]] bool is_blocked(const Ray& ray) const;
+  [[nodiscard]] bool is_blocked(const Ray& ray, Queries* record) const;
+  /// Asks Embree all of it again, and nothing else; how many hits there are.
+  [[nodiscard]] std::uint64_t replay(std::span<const Query> queries) const;
   [[nodiscard]] bool has_blended() const { return blended_.scene != nullptr; }
 
   [[nodiscard]] Foot foot(std::uint32_t triangle, double u, double v) const;
@@ -71,12 +90,18 @@ class Geometry {
   void release(Part& part);
   void build(Part& part, RTCBuffer vertices, std::vector<std::vector<std::uint32_t>> triangles, std::size_t masked);
   static void filter(const RTCFilterFunctionNArguments* arguments);
-  bool find(const Part& part, const Ray& ray, Hit& out) const;
+  bool find(const Part& part, const Ray& ray, Hit& out, Query::Kind kind, Queries* record) const;
 
   RTCDevice device_ = nullptr;
   Part solid_, blended_;
   std::vector<glm::vec3> positions_;
   std::vector<glm::uvec3> indices_;
+  /// Of a triangle, without regard to a place on it.
+  struct Plane {
+    glm::dvec3 facet;
+    double area, lift;
+  };
+  std::vector<Plane> planes_;
   std::uint64_t revision_ = 0;
   bool is_built_ = false;
   const heddle_snapshot* snapshot_ = nullptr;

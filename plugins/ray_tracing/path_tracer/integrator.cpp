@@ -14,8 +14,8 @@ using glm::dvec2;
 using glm::dvec3;
 
 // Pairs of numbers: one for the pixel, then as many for each surface on a path, and two far behind them.
-constexpr std::uint32_t kFirstPair = 1, kPairsASurface = 4, kVisibilityPair = 1U << 30U;
-enum : std::uint32_t { kChoicePair, kLightPair, kMaterialPair, kFatePair };
+constexpr std::uint32_t kFirstPair = 1, kPairsASurface = 6, kVisibilityPair = 1U << 30U;
+enum : std::uint32_t { kChoicePair, kMaterialPair, kFatePair, kLightPair };  // of each kind of emitters one
 
 // A path that only passes through things ends here: more layers than a scene has in one line, but for traps.
 constexpr std::uint32_t kMostSurfaces = 4096;
@@ -98,11 +98,12 @@ dvec3 Integrator::passed(const Surface& surface, const dvec3& to_viewer) const {
 
 dvec3 Integrator::transmittance(Ray ray, Counts& counts) const {
   ++counts.shadow_rays;
-  if (geometry->is_blocked(ray)) return dvec3(0.0);
+  if (geometry->is_blocked(ray, counts.record)) return dvec3(0.0);
   dvec3 share(1.0);
   if (!settings.has_blended_shadows || !geometry->has_blended()) return share;
   Hit hit;
-  for (std::uint32_t i = 0; i < kMostSurfaces && geometry->find_blended(ray, hit) && !is_dark(share); ++i) {
+  for (std::uint32_t i = 0; i < kMostSurfaces && geometry->find_blended(ray, hit, counts.record) && !is_dark(share);
+       ++i) {
     const Surface surface = surfaces->at(*geometry, hit, -ray.direction);
     share *= (1.0 - surface.coverage) + surface.coverage * passed(surface, -ray.direction);
     ray.origin = surface.foot.above(surface.is_front ? -1.0 : 1.0);
@@ -113,11 +114,9 @@ dvec3 Integrator::transmittance(Ray ray, Counts& counts) const {
   return share;
 }
 
-dvec3 Integrator::light_directly(const Shading& shading, const Sampler& sampler, std::uint32_t dimension,
+dvec3 Integrator::light_directly(const Shading& shading, Emitters::Kind kind, double u_choice, const dvec2& u,
                                  Counts& counts) const {
-  const LightSample light =
-      emitters->sample(shading.origin, shading.surface.normal, sampler.pair(dimension + kChoicePair).x,
-                       sampler.pair(dimension + kLightPair));
+  const LightSample light = emitters->sample(kind, shading.origin, shading.surface.normal, u_choice, u);
   if (!(light.probability > 0.0) || !(light.arrival.pdf > 0.0) || is_dark(light.arrival.value)) return dvec3(0.0);
   const dvec3 local = glm::transpose(shading.basis) * light.arrival.direction;
   if (local.z <= 0.0 || glm::dot(light.arrival.direction, shading.surface.facet) <= 0.0) return dvec3(0.0);
@@ -141,7 +140,9 @@ void Integrator::find_visibility(const Surface& surface, const Sampler& sampler,
                    sampling::sample_cosine_hemisphere(sampler.pair(kVisibilityPair));
   ++counts.visibility_rays;
   out.occlusion =
-      glm::dot(up, surface.facet) > 0.0 && !geometry->is_blocked({origin, up, settings.occlusion_radius}) ? 1.0 : 0.0;
+      glm::dot(up, surface.facet) > 0.0 && !geometry->is_blocked({origin, up, settings.occlusion_radius}, counts.record)
+          ? 1.0
+          : 0.0;
   for (const Light& light : emitters->lights()) {
     const bool is_meant = settings.shadow_light < 0
                               ? light.casts_shadow
@@ -153,10 +154,11 @@ void Integrator::find_visibility(const Surface& surface, const Sampler& sampler,
     if (!(arrival.pdf > 0.0)) return;
     ++counts.visibility_rays;
     const double slack = light.is_shape() ? kShapeSlack : kEndSlack;
-    out.shadow = glm::dot(arrival.direction, surface.facet) > 0.0 &&
-                         !geometry->is_blocked({origin, arrival.direction, arrival.distance * (1.0 - slack)})
-                     ? 1.0
-                     : 0.0;
+    out.shadow =
+        glm::dot(arrival.direction, surface.facet) > 0.0 &&
+                !geometry->is_blocked({origin, arrival.direction, arrival.distance * (1.0 - slack)}, counts.record)
+            ? 1.0
+            : 0.0;
     return;
   }
 }
@@ -191,7 +193,7 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
     const std::uint32_t dimension = kFirstPair + event * kPairsASurface;
     Hit hit;
     ++counts.rays;
-    const bool is_hit = geometry->find_nearest(ray, hit);
+    const bool is_hit = geometry->find_nearest(ray, hit, counts.record);
     const double reached = is_hit ? travelled + hit.distance : ray.length;
 
     // Lights' own shapes stand in nobody's way, and the camera does not see them.
@@ -200,12 +202,16 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
                      [&](const dvec3& value, double pdf) { add(value * weight(from_pdf, pdf)); });
     if (!is_hit) {
       is_past_all = bounces == 0;
-      const double pdf = bounces > 0 ? emitters->pdf_sky(from, from_normal, ray.direction) : 0.0;
-      if (emitters->sky().shines())
-        add(emitters->sky().radiance(ray.direction) * (bounces > 0 ? weight(from_pdf, pdf) : 1.0));
-      if (bounces > 0)
-        emitters->meet_discs(from, from_normal, ray.direction,
-                             [&](const dvec3& value, double other) { add(value * weight(from_pdf, other)); });
+      if (bounces == 0) {
+        add(emitters->sky().radiance(ray.direction));
+        break;
+      }
+      if (emitters->sky().shines()) {
+        const Emitters::Background seen = emitters->background(from_normal, ray.direction);
+        add(seen.radiance * weight(from_pdf, seen.pdf));
+      }
+      emitters->meet_discs(from, from_normal, ray.direction,
+                           [&](const dvec3& value, double other) { add(value * weight(from_pdf, other)); });
       break;
     }
 
@@ -250,10 +256,15 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
     const Shading shading(surface, to_viewer);
     beta *= surface.coverage;
     ++bounces;  // for what add() counts it as
-    add(light_directly(shading, sampler, dimension, counts));
+    const dvec2 choice = sampler.pair(dimension + kChoicePair);
+    for (const Emitters::Kind kind : Emitters::kKinds) {
+      if (!emitters->has(kind)) continue;
+      const std::uint32_t pair = dimension + kLightPair + static_cast<std::uint32_t>(kind);
+      const double u = kind == Emitters::Kind::kFar ? sampler.pair(dimension + kFatePair).y : choice.x;
+      add(light_directly(shading, kind, u, sampler.pair(pair), counts));
+    }
 
     // Pass on or reflect, by what either may bring.
-    const dvec2 fate = sampler.pair(dimension + kFatePair);
     double reflects = 1.0;
     if (surface.is_blended) {
       dvec3 albedo;
@@ -261,7 +272,7 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
       const double pass = largest(through), reflect = surface.coverage * largest(albedo);
       if (!(pass + reflect > 0.0)) break;
       reflects = reflect / (pass + reflect);
-      if (fate.y >= reflects) {
+      if (sampler.pair(dimension + kFatePair).y >= reflects) {
         --bounces;
         beta /= surface.coverage;
         pass_through(through / (1.0 - reflects));
@@ -269,8 +280,7 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
       }
     }
 
-    const Reflection reflection =
-        draw(shading, sampler.pair(dimension + kMaterialPair), sampler.pair(dimension + kChoicePair).y);
+    const Reflection reflection = draw(shading, sampler.pair(dimension + kMaterialPair), choice.y);
     if (!(reflection.pdf > 0.0)) break;
     const dvec3 direction = glm::normalize(shading.basis * reflection.light);
     if (glm::dot(direction, surface.facet) <= 0.0) break;
@@ -281,8 +291,8 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
     beta *= f * (reflection.light.z / (reflection.pdf * reflects));
     if (is_dark(beta)) break;
     if (bounces >= settings.roulette_from) {
-      const double life = std::min(largest(beta), kLongestLife);
-      if (fate.x >= life) break;
+      const double life = std::min(3.0 * largest(beta), kLongestLife);
+      if (sampler.pair(dimension + kFatePair).x >= life) break;
       beta /= life;
     }
     from = shading.origin;
@@ -300,7 +310,7 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
     bool is_open = true;  // no solid surface yet
     for (std::uint32_t i = 0; i < kMostSurfaces && is_open && (uncovered > 0.0 || lacks_visibility); ++i) {
       ++counts.rays;
-      if (!geometry->find_nearest(behind, hit)) break;
+      if (!geometry->find_nearest(behind, hit, counts.record)) break;
       const Surface surface = surfaces->at(*geometry, hit, -behind.direction);
       if (surface.is_front || surface.is_double_sided) {
         uncovered *= surface.is_blended ? 1.0 - surface.coverage : 0.0;

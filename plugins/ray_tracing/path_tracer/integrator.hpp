@@ -33,6 +33,7 @@ struct Estimate {
 /// What was done, for counters.
 struct Counts {
   std::uint64_t rays = 0, shadow_rays = 0, visibility_rays = 0;
+  Queries* record = nullptr;  // takes what Embree is asked, if somebody wants to ask it again
 };
 
 class Integrator {
@@ -47,8 +48,8 @@ class Integrator {
 
  private:
   struct Shading;
-  [[nodiscard]] glm::dvec3 light_directly(const Shading& shading, const Sampler& sampler, std::uint32_t dimension,
-                                          Counts& counts) const;
+  [[nodiscard]] glm::dvec3 light_directly(const Shading& shading, Emitters::Kind kind, double u_choice,
+                                          const glm::dvec2& u, Counts& counts) const;
   [[nodiscard]] glm::dvec3 transmittance(Ray ray, Counts& counts) const;
   /// What the material does with one direction of light.
   struct Reflection {

@@ -81,39 +81,52 @@ double cost_of(const LightBounds& bounds, double stretch) {
 
 }  // namespace
 
-double LightBounds::importance(const dvec3& point, const dvec3& normal) const {
-  if (range < std::numeric_limits<double>::infinity()) {
-    const dvec3 off = glm::max(glm::max(low - point, point - high), dvec3(0.0));
-    if (glm::dot(off, off) >= range * range) return 0.0;
-  }
-  const dvec3 center = 0.5 * (low + high);
-  const dvec3 half = high - center;
-  const double radius_squared = glm::dot(half, half);
-  const dvec3 to = center - point;
-  const double squared = glm::dot(to, to);
-  double cos_ball = -1.0, sin_ball = 0.0;  // of the angle under which the box's ball is seen; from inside: everything
-  if (squared > radius_squared) {
-    const double s2 = radius_squared / squared;
-    sin_ball = std::sqrt(s2);
-    cos_ball = std::sqrt(1.0 - s2);
-  }
-  const dvec3 w = squared > 0.0 ? to / std::sqrt(squared) : dvec3(0, 1, 0);
+LightReach::LightReach(const LightBounds& bounds)
+    : center_(0.5 * (bounds.low + bounds.high)),
+      half_(bounds.high - center_),
+      axis_(bounds.axis),
+      radius_squared_(glm::dot(half_, half_)),
+      // No nearer than the middle of the box's half.
+      least_squared_(std::max(0.25 * radius_squared_, 1e-8)),
+      range_squared_(bounds.range * bounds.range),
+      cos_spread_(bounds.cos_spread),
+      sin_spread_(sine_of(bounds.cos_spread)),
+      cos_reach_(bounds.cos_reach),
+      intensity_(bounds.intensity),
+      is_two_sided_(bounds.is_two_sided),
+      is_limited_(bounds.range < std::numeric_limits<double>::infinity()) {}
 
-  double cos_axis = -glm::dot(axis, w);
-  if (is_two_sided) cos_axis = std::abs(cos_axis);
-  const double sin_axis = sine_of(cos_axis), sin_spread = sine_of(cos_spread);
-  const double cos_x = cos_of_difference(cos_axis, sin_axis, cos_spread, sin_spread);
-  const double sin_x = sin_of_difference(cos_axis, sin_axis, cos_spread, sin_spread);
+double LightReach::importance(const dvec3& point, const dvec3& normal) const {
+  const dvec3 to = center_ - point;
+  if (is_limited_) {
+    const dvec3 off = glm::max(glm::abs(to) - half_, dvec3(0.0));
+    if (glm::dot(off, off) >= range_squared_) return 0.0;
+  }
+  const double squared = glm::dot(to, to);
+  const double inverse = squared > 0.0 ? 1.0 / std::sqrt(squared) : 0.0;
+  const dvec3 w = squared > 0.0 ? to * inverse : dvec3(0, 1, 0);
+  double cos_ball = -1.0, sin_ball = 0.0;  // of the angle under which the box's ball is seen; from inside: everything
+  if (squared > radius_squared_) {
+    const double s2 = radius_squared_ * inverse * inverse;
+    sin_ball = std::sqrt(s2);
+    cos_ball = std::sqrt(std::max(1.0 - s2, 0.0));
+  }
+
+  double cos_axis = -glm::dot(axis_, w);
+  if (is_two_sided_) cos_axis = std::abs(cos_axis);
+  const double sin_axis = sine_of(cos_axis);
+  const double cos_x = cos_of_difference(cos_axis, sin_axis, cos_spread_, sin_spread_);
+  const double sin_x = sin_of_difference(cos_axis, sin_axis, cos_spread_, sin_spread_);
   const double cos_left = cos_of_difference(cos_x, sin_x, cos_ball, sin_ball);
   // A billionth of slack: what is 0 here is never drawn.
-  if (cos_left < cos_reach - 1e-9) return 0.0;
+  if (cos_left < cos_reach_ - 1e-9) return 0.0;
 
   const double cos_normal = glm::dot(normal, w);
   const double cos_incident = cos_of_difference(cos_normal, sine_of(cos_normal), cos_ball, sin_ball);
   if (cos_incident < -1e-9) return 0.0;
-  // Falls off towards its bounds, but not to 0, and no nearer than the middle of the box's half.
+  // Falls off towards its bounds, but not to 0.
   const double sent = std::max(cos_left, 1e-3), received = std::max(cos_incident, 1e-3);
-  return intensity * sent * received / std::max(squared, std::max(0.25 * radius_squared, 1e-8));
+  return intensity_ * sent * received / std::max(squared, least_squared_);
 }
 
 void LightTree::build(std::span<const LightBounds> bounds) {
@@ -133,7 +146,7 @@ std::uint32_t LightTree::build(std::span<const LightBounds> bounds, std::span<st
   const auto self = static_cast<std::uint32_t>(nodes_.size());
   nodes_.emplace_back();
   if (emitters.size() == 1) {
-    nodes_[self] = {bounds[emitters[0]], 0, emitters[0], true};
+    nodes_[self] = {LightReach(bounds[emitters[0]]), bounds[emitters[0]], 0, emitters[0], true};
     trails_[emitters[0]] = trail;
     leaves_[emitters[0]] = self;
     return self;
@@ -192,6 +205,7 @@ std::uint32_t LightTree::build(std::span<const LightBounds> bounds, std::span<st
   const std::uint32_t second = build(bounds, emitters.subspan(middle), trail | (1ULL << depth), depth + 1);
   nodes_[self].child = second;
   nodes_[self].bounds = joined(nodes_[self + 1].bounds, nodes_[second].bounds);
+  nodes_[self].reach = LightReach(nodes_[self].bounds);
   return self;
 }
 
@@ -201,8 +215,8 @@ LightTree::Choice LightTree::choose(const dvec3& point, const dvec3& normal, dou
   std::uint32_t self = 0;
   while (!nodes_[self].is_leaf) {
     const std::uint32_t second = nodes_[self].child;
-    const double a = nodes_[self + 1].bounds.importance(point, normal);
-    const double b = nodes_[second].bounds.importance(point, normal);
+    const double a = nodes_[self + 1].reach.importance(point, normal);
+    const double b = nodes_[second].reach.importance(point, normal);
     if (!(a + b > 0.0)) return {};
     const double share = a / (a + b);
     // The rest of u is as even as u was.
@@ -217,7 +231,7 @@ LightTree::Choice LightTree::choose(const dvec3& point, const dvec3& normal, dou
     }
   }
   // The root of one emitter has not been asked.
-  if (self == 0 && !(nodes_[0].bounds.importance(point, normal) > 0.0)) return {};
+  if (self == 0 && !(nodes_[0].reach.importance(point, normal) > 0.0)) return {};
   choice.emitter = nodes_[self].emitter;
   return choice;
 }
@@ -227,11 +241,11 @@ double LightTree::probability(const dvec3& point, const dvec3& normal, std::uint
   std::uint64_t trail = trails_[emitter];
   double probability = 1.0;
   std::uint32_t self = 0;
-  if (nodes_[0].is_leaf) return nodes_[0].bounds.importance(point, normal) > 0.0 ? 1.0 : 0.0;
+  if (nodes_[0].is_leaf) return nodes_[0].reach.importance(point, normal) > 0.0 ? 1.0 : 0.0;
   for (; !nodes_[self].is_leaf; trail >>= 1U) {
     const std::uint32_t second = nodes_[self].child;
-    const double a = nodes_[self + 1].bounds.importance(point, normal);
-    const double b = nodes_[second].bounds.importance(point, normal);
+    const double a = nodes_[self + 1].reach.importance(point, normal);
+    const double b = nodes_[second].reach.importance(point, normal);
     if (!(a + b > 0.0)) return 0.0;
     const double share = a / (a + b);
     probability *= (trail & 1U) != 0 ? 1.0 - share : share;

@@ -21,9 +21,21 @@ struct LightBounds {
   double range = 0.0;  // of the farthest reaching one; infinity: unlimited
   bool is_two_sided = false;
   bool has_shape = false;  // rays can meet it
+};
 
+/// The same, as it is asked for.
+class LightReach {
+ public:
+  LightReach() = default;
+  explicit LightReach(const LightBounds& bounds);
   /// An estimate of the light that arrives at a point with this normal; 0 only where none does.
   [[nodiscard]] double importance(const glm::dvec3& point, const glm::dvec3& normal) const;
+
+ private:
+  glm::dvec3 center_{0.0}, half_{0.0}, axis_{0.0, 1.0, 0.0};
+  double radius_squared_ = 0.0, least_squared_ = 0.0, range_squared_ = 0.0;
+  double cos_spread_ = -1.0, sin_spread_ = 0.0, cos_reach_ = 0.0, intensity_ = 0.0;
+  bool is_two_sided_ = false, is_limited_ = false;
 };
 
 /// A binary tree over emitters. Conty Estevez and Kulla 2018, "Importance Sampling of Many Lights with Adaptive Tree
@@ -36,7 +48,7 @@ class LightTree {
 
   /// About the light of all of them at a point; 0 only where there is none.
   [[nodiscard]] double importance(const glm::dvec3& point, const glm::dvec3& normal) const {
-    return nodes_.empty() ? 0.0 : nodes_.front().bounds.importance(point, normal);
+    return nodes_.empty() ? 0.0 : nodes_.front().reach.importance(point, normal);
   }
   struct Choice {
     std::uint32_t emitter = 0;
@@ -52,6 +64,7 @@ class LightTree {
 
  private:
   struct Node {
+    LightReach reach;
     LightBounds bounds;
     std::uint32_t child = 0;  // of two: this node's number + 1, and this
     std::uint32_t emitter = 0;

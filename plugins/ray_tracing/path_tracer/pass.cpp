@@ -13,6 +13,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <ctime>
 #include <span>
 
 namespace {
@@ -51,7 +52,7 @@ constexpr double kBounceLadder[] = {1, 2, 4, 8, 16, 0};
 constexpr double kSkyLadder[] = {64, 128, 256, 512, 1024};
 
 constexpr heddle_parameter kParameters[] = {
-    knob(integer("samples", "1", 1, 1000000, 64, "paths a pixel; powers of two times 8 fill the square most evenly"),
+    knob(integer("samples", "1", 1, 1000000, 64, "paths a pixel; powers of two times 4 fill the square most evenly"),
          kSampleLadder),
     parameter("target_error", "1", 0, 1, 0,
               "ends once the standard error, over all pixels, is this share of the mean radiance; 0: never before "
@@ -72,6 +73,8 @@ constexpr heddle_parameter kParameters[] = {
                  "rows of the image of the sky; an environment of more rows has its own"),
          kSkyLadder),
     integer("threads", "1", 0, 1024, 0, "that trace; 0: one a processor. Changes no bit"),
+    toggle("replay", false,
+           "asks Embree alone for all rays once more, in the same threads: counters say how long that takes"),
     text("checkpoint",
          "file that samples are kept in and taken from; a folder (with / at its end): one for each scene and settings",
          HEDDLE_PARAMETER_REDECLARE),
@@ -92,7 +95,7 @@ constexpr heddle_shader kShaders[] = {compute_shader("sky", "sky", "sky.comp.gls
 /// Paths, at most, and tiles that are traced before the host is asked whether to go on: within about a second.
 constexpr std::uint32_t kPathsAStep = 1U << 16U, kTilesAStep = 64;
 /// Of what a sample is: to be raised with every change of its bytes, so that no checkpoint mixes two.
-constexpr int kVersion = 2;
+constexpr int kVersion = 3;
 /// Samples of each pixel between two looks at the error.
 constexpr std::uint32_t kLeastRound = kReplicates;
 
@@ -214,6 +217,7 @@ class PathTracer {
     describe(frame, view);
     const std::uint64_t key = key_of();
     counts_ = {};
+    replay_ = {};
     std::uint64_t taken_up = 0;
     if (!film_.is_of(width, height, key)) {
       film_.reset(width, height, key);
@@ -281,6 +285,7 @@ class PathTracer {
     if (const heddle_status status = check_shadow_light(host, lights); status != HEDDLE_OK) return status;
     ContentHash light_hash;
     light_hash.add(scene_hash_);
+    light_hash.add(sky_.shines());
     light_hash.add(frame_origin_);
     light_hash.add(glows);
     light_hash.add_bytes(lights.data(), lights.size_bytes());
@@ -442,24 +447,38 @@ class PathTracer {
   /// Each pixel's samples are summed in their order whatever the steps, so that these change no bit.
   heddle_status trace_to(const Frame& frame, const HeddleView& view, std::uint32_t samples, std::uint32_t first,
                          std::uint32_t last) {
+    struct Thread {
+      Counts counts;
+      Queries queries;
+      std::uint64_t replayed_hits = 0, replay_ns = 0;
+    };
     struct Work {
       PathTracer* self;
       Camera camera;
       std::uint32_t samples, first_tile;
       std::uint64_t seed;
       bool is_box;
-      std::vector<Counts> counts;  // by thread
+      std::vector<Thread> threads;
     };
     const PassHost& host = frame.host();
     const auto* parallel = host.service<heddle_parallel_service>(HEDDLE_PARALLEL_SERVICE);
     const auto threads = static_cast<std::uint32_t>(host.integer("threads"));
     const std::uint32_t before = film_.samples(), tiles = film_.tile_count();
     Work work{this, Camera(view, frame_origin_), before, 0, frame.info().seed, host.choice("filter") == 0, {}};
-    work.counts.resize(parallel != nullptr ? parallel->most_threads(host.raw(), threads) : 1);
+    work.threads.resize(parallel != nullptr ? parallel->most_threads(host.raw(), threads) : 1);
+    const bool replays = host.toggle("replay");
+    for (Thread& thread : work.threads) thread.counts.record = replays ? &thread.queries : nullptr;
     const auto trace_tile = [](void* user, std::uint64_t index, std::uint32_t thread) {
       auto& job = *static_cast<Work*>(user);
       job.self->trace_tile(job.first_tile + static_cast<std::uint32_t>(index), job.samples, job.camera, job.seed,
-                           job.is_box, job.counts[thread]);
+                           job.is_box, job.threads[thread].counts);
+    };
+    const auto replay = [](void* user, std::uint64_t index, std::uint32_t) {
+      auto& job = *static_cast<Work*>(user);
+      Thread& recorded = job.threads[index];
+      const std::uint64_t start = thread_ns();
+      recorded.replayed_hits += job.self->geometry_.replay(recorded.queries.list);
+      recorded.replay_ns += thread_ns() - start;
     };
     const std::uint64_t pixels =
         std::min<std::uint64_t>(std::uint64_t{view.extent[0]} * view.extent[1],
@@ -477,17 +496,35 @@ class PathTracer {
         } else {
           for (std::uint32_t i = 0; i < count; ++i) trace_tile(&work, i, 0);
         }
+        if (replays && status == HEDDLE_OK) {
+          if (parallel != nullptr) {
+            status = parallel->for_each(host.raw(), threads, work.threads.size(), replay, &work);
+          } else {
+            replay(&work, 0, 0);
+          }
+          for (Thread& thread : work.threads) thread.queries.list.clear();
+        }
         const double share = static_cast<double>(work.first_tile + count) / tiles;
         const double done = (from - first + share * (work.samples - from)) / std::max(last - first, 1U);
         if (status == HEDDLE_OK) status = frame.progress(std::min(done, 1.0));
       }
     }
-    for (const Counts& one : work.counts) {
-      counts_.rays += one.rays;
-      counts_.shadow_rays += one.shadow_rays;
-      counts_.visibility_rays += one.visibility_rays;
+    for (const Thread& thread : work.threads) {
+      counts_.rays += thread.counts.rays;
+      counts_.shadow_rays += thread.counts.shadow_rays;
+      counts_.visibility_rays += thread.counts.visibility_rays;
+      replay_.hits += thread.queries.hits;
+      replay_.replayed_hits += thread.replayed_hits;
+      replay_.ns += thread.replay_ns;
     }
     return status;
+  }
+
+  /// What the calling thread has run: what others do to the machine counts little.
+  static std::uint64_t thread_ns() {
+    timespec now{};
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return static_cast<std::uint64_t>(now.tv_sec) * 1000000000U + static_cast<std::uint64_t>(now.tv_nsec);
   }
 
   void trace_tile(std::uint32_t tile, std::uint32_t samples, const Camera& camera, std::uint64_t seed, bool is_box,
@@ -599,6 +636,11 @@ class PathTracer {
                                                          {"visibility_rays", counts_.visibility_rays},
                                                          {"glowing_triangles", emitters_.triangle_count()}};
     for (const auto& [name, value] : all) counters->add(host.raw(), name, value);
+    if (host.toggle("replay")) {
+      counters->add(host.raw(), "hits", replay_.hits);
+      counters->add(host.raw(), "replayed_hits", replay_.replayed_hits);
+      counters->add(host.raw(), "replay_us", replay_.ns / 1000);
+    }
     const FilmError error = film_.error();
     if (std::isfinite(error.relative))
       counters->add(host.raw(), "relative_error_ppm", static_cast<std::uint64_t>(std::llround(error.relative * 1e6)));
@@ -611,6 +653,9 @@ class PathTracer {
   Integrator integrator_;
   Film film_;
   Counts counts_;
+  struct {
+    std::uint64_t hits = 0, replayed_hits = 0, ns = 0;
+  } replay_;
   dvec3 frame_origin_{0.0};
   std::uint64_t sky_hash_ = 0, scene_hash_ = 0, light_hash_ = 0, look_revision_ = 0, snapshot_revision_ = 0;
   std::vector<std::pair<std::string, std::string>> recipe_;  // describe()

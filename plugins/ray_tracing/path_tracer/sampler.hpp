@@ -10,7 +10,7 @@ enum class Points : std::uint32_t { kSobol = 0, kIndependent = 1 };
 
 /// Samples of a pixel are dealt to this many scramblings in turn, so that their spread says how wrong their mean is:
 /// points of one scrambling are not independent.
-inline constexpr std::uint32_t kReplicates = 8;
+inline constexpr std::uint32_t kReplicates = 4;
 
 /// The numbers of one path. Dimensions are numbered by what they are for, not by when they are asked for.
 class Sampler {
@@ -18,6 +18,7 @@ class Sampler {
   Sampler(Points points, std::uint64_t pixel_seed, std::uint64_t sample)
       : points_(points),
         index_(static_cast<std::uint32_t>(sample / kReplicates)),
+        reversed_(sampling::reverse_bits(index_)),
         seed_(sampling::mix_bits(pixel_seed + 0x9e3779b97f4a7c15ULL * (sample % kReplicates + 1))) {}
 
   /// Pair `dimension` of this sample. Burley 2020, section 5: each pair of dimensions takes the points of the plane in
@@ -29,13 +30,14 @@ class Sampler {
       const std::uint64_t y = sampling::mix_bits(x);
       return {static_cast<double>(x >> 11U) * 0x1p-53, static_cast<double>(y >> 11U) * 0x1p-53};
     }
-    return sampling::Sobol2(seed).point(
-        sampling::scramble_owen(index_, static_cast<std::uint32_t>(sampling::mix_bits(seed ^ 0x5851f42d4c957f2dULL))));
+    // Sobol2 mixes the seed again: what it scrambles by does not depend on the order.
+    const auto order = static_cast<std::uint32_t>(seed >> 32U);
+    return sampling::Sobol2(seed).point(sampling::reverse_bits(sampling::hash_upwards(reversed_, order)));
   }
 
  private:
   Points points_;
-  std::uint32_t index_;
+  std::uint32_t index_, reversed_;  // ... with the lowest bit first
   std::uint64_t seed_;
 };
 

@@ -146,6 +146,18 @@ std::optional<dvec4> Surfaces::sample(const heddle_scene_material& material, std
   return filter(textures_[image], transformed(*material.record, slot, uv));
 }
 
+dvec4 Surfaces::vertex_color(const Corners& corners) const {
+  constexpr std::uint32_t kWhite = 0xffffffffU;
+  const std::uint32_t all[] = {attributes_.colors[corners.vertices[0]], attributes_.colors[corners.vertices[1]],
+                               attributes_.colors[corners.vertices[2]]};
+  if ((all[0] & all[1] & all[2]) == kWhite) return dvec4(1.0);
+  dvec4 sum(0.0);
+  for (std::size_t k = 0; k < 3; ++k)
+    for (glm::length_t c = 0; c < 4; ++c)
+      sum[c] += corners.weights[k] * ((all[k] >> (8U * static_cast<unsigned>(c))) & 255U) / 255.0;
+  return sum;
+}
+
 bool Surfaces::can_shine(std::uint32_t triangle) const {
   const HeddleMaterial& record = *materials_[snapshot_->materials[triangle]].record;
   const bool is_dark = record.emissive[0] <= 0.0F && record.emissive[1] <= 0.0F && record.emissive[2] <= 0.0F;
@@ -177,12 +189,8 @@ Surface Surfaces::at(const Geometry& geometry, const Hit& hit, const dvec3& to_v
   s.is_blended = (flags & HEDDLE_SURFACE_BLENDED) != 0;
   s.is_unlit = (record.flags & HEDDLE_MATERIAL_UNLIT) != 0;
 
-  dvec4 color(0.0);
-  for (std::size_t k = 0; k < 3; ++k)
-    for (glm::length_t c = 0; c < 4; ++c)
-      color[c] += where.weights[k] *
-                  ((attributes_.colors[where.vertices[k]] >> (8U * static_cast<unsigned>(c))) & 255U) / 255.0;
-  for (glm::length_t c = 0; c < 4; ++c) color[c] *= static_cast<double>(record.base_color[c]);
+  dvec4 color(record.base_color[0], record.base_color[1], record.base_color[2], record.base_color[3]);
+  color *= vertex_color(where);
   if (const auto texel = sample(material, HEDDLE_TEXTURE_BASE_COLOR, where)) color *= *texel;
   double metalness = static_cast<double>(record.metalness), roughness = static_cast<double>(record.roughness);
   if (const auto texel = sample(material, HEDDLE_TEXTURE_METALLIC_ROUGHNESS, where)) {
@@ -192,7 +200,8 @@ Surface Surfaces::at(const Geometry& geometry, const Hit& hit, const dvec3& to_v
 
   const double side = s.is_front ? 1.0 : -1.0;
   const dvec3 along = interpolate<3>(snapshot_->normals, where);
-  dvec3 mapped = along;
+  s.normal_geometric = side * unit_or(along, s.foot.facet);
+  s.normal = s.normal_geometric;
   if (const auto texel = sample(material, HEDDLE_TEXTURE_NORMAL, where)) {
     const dvec4 tangent = interpolate<4>(attributes_.tangents, where);
     if (glm::dot(dvec3(tangent), dvec3(tangent)) > 0.0) {
@@ -200,11 +209,10 @@ Surface Surfaces::at(const Geometry& geometry, const Hit& hit, const dvec3& to_v
       bump.x *= static_cast<double>(record.normal_scale);
       bump.y *= static_cast<double>(record.normal_scale);
       const dvec3 bitangent = tangent.w * glm::cross(along, dvec3(tangent));
-      mapped = bump.x * dvec3(tangent) + bump.y * bitangent + bump.z * along;
+      const dvec3 mapped = bump.x * dvec3(tangent) + bump.y * bitangent + bump.z * along;
+      s.normal = side * unit_or(mapped, s.foot.facet);
     }
   }
-  s.normal_geometric = side * unit_or(along, s.foot.facet);
-  s.normal = side * unit_or(mapped, s.foot.facet);
   const double NoV = glm::dot(s.normal, to_viewer);
   if (NoV < 0.0) s.normal = unit_or(s.normal - to_viewer * NoV, s.facet);
 

@@ -51,6 +51,7 @@ class Surfaces {
     std::array<double, 3> weights;
   };
   [[nodiscard]] Corners corners(std::uint32_t triangle, double u, double v) const;
+  [[nodiscard]] glm::dvec4 vertex_color(const Corners& corners) const;
   template <glm::length_t kSize>
   [[nodiscard]] glm::vec<kSize, double> interpolate(const float* values, const Corners& corners) const;
   /// nullopt: the material has no such texture.

@@ -202,7 +202,13 @@ TEST(PathTracerSky, DirectionsAreDrawnAsBrightAsTheyAre) {
   for (std::uint64_t i = 0; i < kCount; ++i) {
     const SkyMap::Drawn drawn = sky.sample(number(i));
     ASSERT_GT(drawn.pdf, 0.0);
-    ASSERT_NEAR(drawn.pdf, sky.pdf(drawn.direction), 1e-6 * drawn.pdf);
+    const SkyMap::Drawn seen = sky.look(drawn.direction);
+    ASSERT_NEAR(drawn.pdf, seen.pdf, 1e-6 * drawn.pdf);
+    // Within a texel of at most 500 the value changes by that much, and the place is told to 1e-12 of one.
+    for (glm::length_t c = 0; c < 3; ++c) {
+      ASSERT_NEAR(drawn.radiance[c], seen.radiance[c], 1e-8);
+      ASSERT_EQ(seen.radiance[c], sky.radiance(drawn.direction)[c]);
+    }
     const double a = sky.radiance(drawn.direction).x / drawn.pdf;
     by_sky += a / kCount;
     by_sky_squares += a * a / kCount;
@@ -224,11 +230,18 @@ TEST(PathTracerSky, AnEvenSkyIsExactlyEven) {
   std::vector<float> rgba(std::size_t{4} * 32 * 16, 0.7F);
   SkyMap sky;
   sky.set(32, 16, rgba.data());
+  EXPECT_TRUE(sky.is_even());
   for (std::uint64_t i = 0; i < 1000; ++i) EXPECT_EQ(sky.radiance(even_direction(i)).x, static_cast<double>(0.7F));
   for (const dvec3& pole : {dvec3(0, 1, 0), dvec3(0, -1, 0)}) {
     EXPECT_EQ(sky.radiance(pole).x, static_cast<double>(0.7F));
     EXPECT_GT(sky.pdf(pole), 0.0);
   }
+  rgba.back() = 0.5F;  // alpha says nothing
+  sky.set(32, 16, rgba.data());
+  EXPECT_TRUE(sky.is_even());
+  rgba[rgba.size() - 2] = std::nextafter(0.7F, 1.0F);
+  sky.set(32, 16, rgba.data());
+  EXPECT_FALSE(sky.is_even());
 }
 
 TEST(PathTracerSamples, AnyPowerOfTwoOfAScramblingFillsTheSquareEvenly) {
