@@ -18,9 +18,16 @@ namespace heddle::cli {
 
 namespace {
 
+/// "FILE" or "PASS.PORT=FILE". No port has a slash in its name, so "/tmp/a=b.png" is a file.
 Output parse_output(const std::string& text) {
   const std::size_t equals = text.find('=');
-  if (equals == std::string::npos) return {{}, text};
+  if (equals == std::string::npos || text.find('/') < equals) return {{}, text};
+  if (equals == 0 || equals + 1 == text.size()) {
+    throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: --output has no {} beside its '='\n"
+                                                "  found:    {}\n"
+                                                "  expected: FILE, or PASS.PORT=FILE",
+                                                equals == 0 ? "port" : "file", text)};
+  }
   return {text.substr(0, equals), text.substr(equals + 1)};
 }
 
@@ -174,7 +181,7 @@ int run(RunArguments& arguments) {
   const JobArguments of_job{arguments, outputs, arguments.stats, arguments.profile};
   if (runs_job) prepare_job(host.get(), graph.get(), of_job);
   for (const Output& output : outputs) {
-    if (!runs_job && !output.port.empty()) check(host.get(), heddle_graph_keep(graph.get(), output.port.c_str()));
+    if (!runs_job && !output.port.empty()) keep_output(host.get(), graph.get(), output.port, output.file);
   }
   Owned<heddle_scene> scene = load_scene(host.get(), arguments);
   int status = HEDDLE_OK;

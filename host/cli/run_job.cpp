@@ -87,6 +87,16 @@ bool is_job(heddle_host* host, heddle_graph* graph) {
   return describe(host, graph)["kind"] == "job";
 }
 
+void keep_output(heddle_host* host, heddle_graph* graph, const std::string& port, const std::filesystem::path& file) {
+  try {
+    check(host, heddle_graph_keep(graph, port.c_str()));
+  } catch (Failure& failure) {
+    failure.message +=
+        fmt::format("\n  help:     if '{0}={1}' is a file, write --output './{0}={1}'", port, file.string());
+    throw;
+  }
+}
+
 void prepare_job(heddle_host* host, heddle_graph* job, const JobArguments& arguments) {
   if (arguments.render.frames != 1 || arguments.is_profiled)
     throw Failure{HEDDLE_BAD_INPUT,
@@ -97,7 +107,7 @@ void prepare_job(heddle_host* host, heddle_graph* job, const JobArguments& argum
     const std::string port = meant_port(description, output.port);
     const std::string type = type_of(description, port);
     // Images are in no cache; what is no port at all, this says.
-    if (type != "artifact" && type != "report") check(host, heddle_graph_keep(job, port.c_str()));
+    if (type != "artifact" && type != "report") keep_output(host, job, port, output.file);
   }
 }
 

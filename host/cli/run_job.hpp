@@ -21,6 +21,9 @@ struct JobArguments {
   bool is_profiled = false;
 };
 
+/// Keeps a port that an output names. What is no port of the graph may be a file's name: the failure then says how to
+/// write that.
+void keep_output(heddle_host* host, heddle_graph* graph, const std::string& port, const std::filesystem::path& file);
 /// True where the graph says kind = "job".
 bool is_job(heddle_host* host, heddle_graph* graph);
 /// Makes what the job leaves, unless the cache holds it, writes the outputs, and prints reports. Answers the exit

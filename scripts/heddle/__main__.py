@@ -24,6 +24,7 @@ from typing import NoReturn
 from . import Error, Graph, Host, Job, Scene, version
 from . import compare as heddle_compare
 from ._library import CANCELLED
+from .outputs import keep_outputs, parse_outputs
 
 Update = Callable[[Scene, float], None]
 
@@ -278,10 +279,8 @@ def run(arguments: argparse.Namespace) -> int:
 
         if arguments.check:  # what a frame leaves to the next one comes round in the third
             arguments.frames = max(arguments.frames, 3)
-        outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or ["heddle.png"]]
-        for port, _ in outputs:
-            if port is not None:
-                graph.keep(port)
+        outputs = parse_outputs(arguments.output or ["heddle.png"])
+        keep_outputs(graph, outputs)
         if arguments.watch:
             watch(arguments, host, graph, scene_file, render)
         else:
@@ -330,14 +329,14 @@ def run_job(arguments: argparse.Namespace, host: Host, job: Job, scene_file: str
     description = job.describe()
     types = {port["name"]: port["type"] for port in description["ports"]}
     left = [name for name, type in types.items() if type in ("artifact", "report") and "#" not in name]
-    outputs = [text.split("=", 1) if "=" in text else [None, text] for text in arguments.output or []]
+    outputs = parse_outputs(arguments.output or [])
     for output in outputs:
         output[0] = output[0] or description["output"] or (left[0] if len(left) == 1 else None)
         if output[0] is None:
             raise Error(2, f"error: the job leaves {len(left)} things, and --output names none of them\n"
                            f"  expected: PASS.PORT=FILE with one of {', '.join(left)}")
         if types.get(output[0]) not in ("artifact", "report"):
-            job.keep(output[0])
+            keep_outputs(job, [output])
     if arguments.watch:
         watch(arguments, host, job, scene_file,
               lambda scene, update: make_outputs(arguments, host, job, types, outputs, scene, update))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines that are wrong: what the command says of them, for scenes in Python and for others."""
 
+import pathlib
 import subprocess
 
 import pytest
@@ -47,3 +48,35 @@ def test_a_wrong_name_is_told_with_the_nearest(command, words, first, nearest):
 def test_a_name_that_is_near_to_none_is_told_without(command):
     lines = said(command, "xyzzyxyzzy")
     assert len(lines) == 2 and lines[1].startswith("  expected: one of run, ")
+
+
+@pytest.fixture(scope="module")
+def triangle(tmp_path_factory):
+    """A graph of 16 x 16 pixels, and the same for a scene in Python and for a scene file: one's own code reads each."""
+    folder = tmp_path_factory.mktemp("outputs")
+    (folder / "scene.py").write_text("import heddle\n\n\ndef build(scene):\n    scene.camera((0, 0, 3), (0, 0, 0))\n")
+    (folder / "scene.gltf").write_text('{"asset": {"version": "2.0"}}')
+    return folder
+
+
+@pytest.mark.parametrize("scene", ["scene.py", "scene.gltf"])
+def test_an_output_with_an_equals_sign_in_a_folder_is_a_file(command, triangle, scene):
+    for file in (triangle / f"{scene}.a=b.png", pathlib.Path(f"./{scene}=c.png")):
+        given = str(file) if file.is_absolute() else f"./{file}"
+        done = subprocess.run([command, "run", scene, "--set", "extent=[16,16]", "--output", given,
+                               "--output", f"gbuffer.depth={scene}=depth.exr"], cwd=triangle, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        assert (triangle / file).stat().st_size > 0 and (triangle / f"{scene}=depth.exr").stat().st_size > 0
+        (triangle / f"{scene}=depth.exr").unlink()
+
+
+@pytest.mark.parametrize("scene", ["scene.py", "scene.gltf"])
+def test_an_output_that_names_no_port_says_how_to_name_a_file(command, triangle, scene):
+    words = ["run", str(triangle / scene), "--set", "extent=[16,16]"]
+    lines = said(command, *words, "--output", "gbufer.depth=b.png")
+    assert "the graph has no port 'gbufer.depth'" in lines[0]
+    assert lines[-2:] == ["  help:     did you mean 'gbuffer.depth'?",
+                          "  help:     if 'gbufer.depth=b.png' is a file, write --output './gbufer.depth=b.png'"]
+    for wrong, what in (("=b.png", "port"), ("gbuffer.depth=", "file")):
+        assert said(command, *words, "--output", wrong) == [
+            f"error: --output has no {what} beside its '='", f"  found:    {wrong}", "  expected: FILE, or PASS.PORT=FILE"]
