@@ -23,13 +23,21 @@ OTHERS = ("scripts/", "cmake ", "DIR/", "HEDDLE_PLUGIN_PATH=", "source ", "build
 TAKES_A_SIZE = ("run", "view", "compare", "inspect", "check")
 
 
-def commands_of(file):
-    text = file.read_text().replace("\\\n", " ")
-    lines = [line for block in re.findall(r"^```sh\n(.*?)^```", text, re.M | re.S) for line in block.splitlines()]
-    lines += [" ".join(code.split()) for code in re.findall(r"`(heddle [a-z-]+ [^`]+)`", text)]
+# What a command of ours begins with: `time` and settings of its environment may stand before it.
+COMMAND = r"(?:time )?(?:[A-Z_]+=\S+ )*(?:build/bin/)?heddle\s+[a-z-]+"
+
+
+def commands_of(text):
+    """The commands in fenced blocks, in indented ones and between backticks, with what stands before `heddle` but `time`."""
+    text = text.replace("\\\n", " ")
+    fenced = re.compile(r"^( *)```(\w*)\n(.*?)^\1```", re.M | re.S)
+    lines = [line for _, kind, block in fenced.findall(text) if kind == "sh" for line in block.splitlines()]
+    text = fenced.sub("", text)
+    lines += re.findall(rf"^(?: {{4,}}|\t)({COMMAND} .+)$", text, re.M)
+    lines += [" ".join(code.split()) for code in re.findall(rf"`({COMMAND}\s[^`]+)`", text)]
     found = []
     for line in lines:
-        words = line.split("#")[0].strip()
+        words = line.split("#")[0].strip().removeprefix("time ")
         # Forms with a word in capitals or dots for what the reader chooses are no commands.
         if words and not words.startswith(OTHERS) and not re.search(r"\.\.\.|\b[A-Z]{2,}\b| A B$|\| source", words):
             found.append(words)
@@ -39,7 +47,7 @@ def commands_of(file):
 def all_commands():
     files = [ROOT / "README.md", ROOT / "api" / "SHADERS.md", *sorted((ROOT / "plugins").glob("*/*/README.md"))]
     for file in files:
-        for words in commands_of(file):
+        for words in commands_of(file.read_text()):
             yield pytest.param(words, id=f"{file.parent.name}: {words}"[:120])
 
 
@@ -139,6 +147,27 @@ def test_the_command_runs(words, folder, command):
     assert status == 0, said
     if "--output" in words and "%" not in words:
         assert (folder / named[0]).stat().st_size > 0
+
+
+def test_commands_are_found_wherever_a_page_shows_them():
+    page = """Text with `heddle list shadow`, `time heddle run a.glb --frames 2` and `HEDDLE_DEVICE=llvmpipe build/bin/heddle
+doctor --json`; no commands: `heddle run A B`, `heddle run ...`, `heddle`, heddle run prose.glb.
+
+    heddle explain deferred \\
+        --why ao   # a comment
+    time build/bin/heddle compare a.exr b.exr
+
+- in a list
+  ```sh
+  build/bin/heddle doctor
+  ```
+```toml
+    heddle run not_a_command.glb
+```
+"""
+    assert commands_of(page) == [
+        "build/bin/heddle doctor", "heddle explain deferred          --why ao", "build/bin/heddle compare a.exr b.exr",
+        "heddle list shadow", "heddle run a.glb --frames 2", "HEDDLE_DEVICE=llvmpipe build/bin/heddle doctor --json"]
 
 
 def test_commands_were_found():
