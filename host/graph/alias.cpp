@@ -77,6 +77,15 @@ Placement alias(const ResolvedGraph& graph, const Order& order, std::span<const 
     }
   }
 
+  // A pass of a job may do all of its stages again, for the next slice: what one of them has used lives as long.
+  for (std::uint32_t s = 0; graph.is_job && s < order.stages.size(); ++s)
+    for (std::uint32_t later = s + 1; later < order.stages.size(); ++later)
+      if (order.stages[later].pass == order.stages[s].pass)
+        for (const ScheduledStage::Use& use : order.stages[s].uses) {
+          Block& block = lifetimes[first_version(graph, use.resource)];
+          block.last = std::max(block.last, later);
+        }
+
   // What the iterations of a loop find again lives through all of it: what is made before, and what is made only once.
   for (const ScheduledLoop& loop : order.loops) {
     for (std::uint32_t s = loop.begin; s < loop.end; ++s) {

@@ -128,7 +128,7 @@ std::optional<ArtifactParts> ArtifactCache::read(const std::string& key, std::st
   return parts;
 }
 
-std::string ArtifactCache::write(const std::string& key, const ArtifactViews& parts) const {
+std::string ArtifactCache::write(const std::string& key, const ArtifactViews& parts, bool makes_room) const {
   if (folder_.empty()) return {};
   std::vector<std::byte> payload;
   append(payload, parts.size());
@@ -161,7 +161,7 @@ std::string ArtifactCache::write(const std::string& key, const ArtifactViews& pa
     fs::remove(temporary, error);
     return fmt::format("the artifact cache {} cannot be written: {}", folder_.string(), why);
   }
-  make_room(file(key));
+  if (makes_room) make_room(file(key));
   return {};
 }
 

@@ -28,8 +28,9 @@ class ArtifactCache {
   /// one. Counts as a use: what was not used for longest goes first.
   std::optional<ArtifactParts> read(const std::string& key, std::string& damage) const;
   /// Written under a temporary name and renamed; afterwards what is used least goes until no more than most_bytes are
-  /// left, this one never. Says in words what went wrong, or nothing.
-  std::string write(const std::string& key, const ArtifactViews& parts) const;
+  /// left, this one never. Says in words what went wrong, or nothing. `makes_room` false: nothing goes yet, as looking
+  /// for what does takes as long as there are artifacts; a later one makes up for it.
+  std::string write(const std::string& key, const ArtifactViews& parts, bool makes_room = true) const;
   /// What is no longer of use; nothing happens where there is none.
   void remove(const std::string& key) const;
   [[nodiscard]] std::filesystem::path file(const std::string& key) const;

@@ -50,6 +50,9 @@ const void* views_service(std::string_view id);
 // execute_contents.cpp: the service of contents, nullptr for another id.
 const void* contents_service(std::string_view id);
 
+// execute_pieces.cpp: the service of pieces, nullptr for another id.
+const void* pieces_service(std::string_view id);
+
 // execute_slices.cpp: the service of slices, nullptr for another id.
 const void* slices_service(std::string_view id);
 

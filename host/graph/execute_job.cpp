@@ -255,6 +255,7 @@ void Executor::State::run_job(const scene::Scene& rendered, const FrameOptions& 
     return known == lasting.end() ? std::string{} : known->second.key;  // none: nothing that is wanted reads it
   };
   pass_keys = artifact_keys(original, context);
+  pass_codes = code_keys(original, context);
   looked_up.clear();
   if (services.remakes_artifacts || !keeps_artifacts())
     // Those of other jobs stay; what another graph left under a name that this one lacks goes with the rest.

@@ -69,6 +69,16 @@ class Keys {
     for (PassIndex p = 0; p < graph_.passes.size(); ++p) (void)key_of(p);
     return std::move(keys_);
   }
+  std::vector<std::string> run_codes() {
+    std::vector<std::string> codes;
+    for (const Pass& pass : graph_.passes) {
+      ContentHash hash;
+      add_code(hash, pass);
+      add_device(hash, *pass.entry.technique);
+      codes.push_back(hash.hexadecimal());
+    }
+    return codes;
+  }
 
  private:
   const std::string& key_of(PassIndex index) {
@@ -111,6 +121,10 @@ class Keys {
     add_bytes(hash, graph_.height);
     add_bytes(hash, context_.time);
     add_bytes(hash, context_.seed);
+    add_device(hash, technique);
+  }
+
+  void add_device(ContentHash& hash, const Technique& technique) const {
     const bool runs_on_device =
         std::ranges::any_of(technique.stages, [](const Stage& stage) { return stage.kind == StageKind::kGpu; });
     if (runs_on_device) hash.add(context_.device());
@@ -219,6 +233,10 @@ class Keys {
 
 std::vector<std::string> artifact_keys(const ResolvedGraph& graph, const KeyContext& context) {
   return Keys(graph, context).run();
+}
+
+std::vector<std::string> code_keys(const ResolvedGraph& graph, const KeyContext& context) {
+  return Keys(graph, context).run_codes();
 }
 
 bool sees_origin(const ResolvedGraph& graph, const Pass& pass) {

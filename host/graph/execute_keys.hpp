@@ -22,6 +22,9 @@ struct KeyContext {
 /// parameters name. Throws Error where passes need each other in a circle.
 std::vector<std::string> artifact_keys(const ResolvedGraph& graph, const KeyContext& context);
 
+/// One for each pass, of who does the work alone: technique, library, shaders, and the device where it has gpu stages.
+std::vector<std::string> code_keys(const ResolvedGraph& graph, const KeyContext& context);
+
 /// True where a pass sees where the frame's origin is.
 bool sees_origin(const ResolvedGraph& graph, const Pass& pass);
 

@@ -162,9 +162,16 @@ void Executor::State::poison_around(std::uint32_t stage, bool is_before) {
       if ((s < loop->begin || order.stages[s].runs_once) && uses(order.stages[s], resource)) return true;
     return false;
   };
+  // A pass of a job may do its stages again: what they have used ends with the last of them.
+  const auto is_of_pass = [&](const ScheduledStage& other) { return other.pass == order.stages[stage].pass; };
+  const bool ends_together = graph.is_job && !is_before;
+  if (ends_together && std::any_of(order.stages.begin() + stage + 1, order.stages.end(), is_of_pass)) return;
   const heddle_vulkan& vk = device->table();
   for (ResourceIndex i = 0; i < resources.size(); ++i) {
-    if (!resources[i].poison || !uses(order.stages[stage], i)) continue;
+    const bool is_used = ends_together ? std::any_of(order.stages.begin(), order.stages.end(),
+                                                     [&](const auto& one) { return is_of_pass(one) && uses(one, i); })
+                                       : uses(order.stages[stage], i);
+    if (!resources[i].poison || !is_used) continue;
     const auto begin = order.stages.begin() + (is_before ? 0 : stage + 1);
     const auto end = is_before ? order.stages.begin() + stage : order.stages.end();
     const bool is_used_there =

@@ -7,6 +7,8 @@
 
 #include "scene/made_surfaces.hpp"
 
+#include <heddle/pieces.h>
+
 #include <algorithm>
 #include <chrono>
 #include <deque>
@@ -397,6 +399,9 @@ struct Executor::State : FrameMemory {
   // Jobs (execute_job.cpp): waves of passes whose artifacts are all there.
   std::map<std::string, Lasting, std::less<>> lasting;  // what is there, by resource; also what other jobs have made
   std::vector<std::string> pass_keys;                   // parallel to original.passes
+  std::vector<std::string> pass_codes;                  // the same: of library, shaders and device alone
+  std::vector<heddle_surface_item> surface_items;       // of the port that was asked for last (execute_pieces.cpp)
+  std::vector<std::byte> found_piece;                   // that was asked for last
   std::vector<std::string> wave;                        // what the present plan is for
   std::vector<std::unique_ptr<Executor>> jobs;          // parallel to original.jobs
   std::string jobs_scene;                               // that these were run for, but for places; empty: they are due

@@ -39,10 +39,17 @@ struct Element {
   std::uint32_t value = 0;   // in the artifact
 };
 
+/// Elements of one instance whose normals lean to the same side, one behind the other.
+struct Part {
+  std::uint32_t instance = 0;
+  std::uint32_t first = 0, count = 0;
+};
+
 struct ElementSet {
   glm::dvec3 origin{0.0};  // of the scene's bounding sphere
   double radius = 0;
   std::vector<Element> elements;
+  std::vector<Part> parts;                // of all elements, in their order
   Baked baked;                            // without values
   std::vector<std::uint8_t> is_answered;  // by value: an element asks for it
   std::vector<std::string> remarks;       // to be told
@@ -299,6 +306,25 @@ inline void tell_reached(ElementSet& set, std::span<const Layout> layouts, std::
   set.remarks.push_back(text.str() + ", or raise spacing");
 }
 
+/// Of six: the axis that a normal leans to most, and which way.
+inline std::uint32_t side_of(const glm::vec3& normal) {
+  std::uint32_t axis = 0;
+  for (std::uint32_t a = 1; a < 3; ++a)
+    if (std::abs(normal[static_cast<int>(a)]) > std::abs(normal[static_cast<int>(axis)])) axis = a;
+  return 2 * axis + (normal[static_cast<int>(axis)] < 0 ? 1 : 0);
+}
+/// Sorts an instance's elements, the last ones of the set, by side.
+inline void add_parts(ElementSet& set, std::uint32_t instance, std::size_t first) {
+  const auto begin = set.elements.begin() + static_cast<std::ptrdiff_t>(first);
+  std::stable_sort(begin, set.elements.end(),
+                   [](const Element& a, const Element& b) { return side_of(a.normal) < side_of(b.normal); });
+  for (std::size_t e = first; e < set.elements.size(); ++e) {
+    if (e == first || side_of(set.elements[e].normal) != side_of(set.elements[e - 1].normal))
+      set.parts.push_back({instance, static_cast<std::uint32_t>(e), 0});
+    ++set.parts.back().count;
+  }
+}
+
 inline double largest_scale(const glm::dmat4& m) {
   return std::max({glm::length(glm::dvec3(m[0])), glm::length(glm::dvec3(m[1])), glm::length(glm::dvec3(m[2]))});
 }
@@ -401,6 +427,7 @@ inline ElementSet make_elements(const heddle::pass::Meshes& meshes, const Elemen
     const glm::dmat3 m(place);
     const glm::dmat3 normals = glm::dmat3(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1])) *
                                (glm::determinant(m) < 0 ? -1.0 : 1.0);
+    const std::size_t first_element = set.elements.size();
     for (const detail::LocalElement& local : layout.elements) {
       glm::dvec3 at(place * glm::dvec4(local.position, 1.0));
       if (glm::length(local.inward) > 0.5) {  // a rim
@@ -414,6 +441,7 @@ inline ElementSet make_elements(const heddle::pass::Meshes& meshes, const Elemen
       element.value = value_count + local.value;
       set.elements.push_back(element);
     }
+    detail::add_parts(set, i, first_element);
     value_count += layout.value_count;
   }
   if (set.elements.empty())

@@ -19,10 +19,11 @@ technique = "{technique}"
 params.spacing = 0.5
 {more}
 """
-MAPS = "params.directions = 80\nparams.resolution = 128"
+MAPS = "params.directions = 112\nparams.resolution = 128"
 BAKES = {
-    "hemicube": ("hemicube", "params.resolution = 8\nparams.batch = 143"),
+    "hemicube": ("hemicube", "params.resolution = 8\nparams.batch = 102"),
     "float_sums": ("depth_maps", MAPS),
+    "settling": ("depth_maps", f"{MAPS}\nparams.settled = 0.02"),
     "split_ramp": ("depth_maps", f'{MAPS}\nparams.pipeline = "split_ramp"'),
     "gpu_compare": ("depth_maps", f'{MAPS}\nparams.pipeline = "gpu_compare"'),
     "cpu_compare": ("depth_maps", f'{MAPS}\nparams.pipeline = "cpu_compare"'),
@@ -58,18 +59,19 @@ def test_a_bake_that_was_stopped_goes_on_and_leaves_the_same(folder, monkeypatch
 
     def stop_at(share):
         def stop(activity, done):
-            # Shares that slices of 1, 8 and 16 of 80 directions, or of 143 of 714 elements, come to, and no stage's
+            # Shares that slices of 1, 8 and 16 of 112 directions, or of 102 of 714 elements, come to, and no stage's
             # place in the order.
             if activity.endswith("of pass 'bake'") and abs(done - share) < 0.002:
                 raise Enough
         return stop
 
-    for share in (0.2, 0.6):
+    for share in (1 / 7, 4 / 7):
         with pytest.raises(Enough):
             bake(folder, text, stop_at(share))
     assert len(list(artifacts.iterdir())) == 1, "what is unfinished, and nothing half"
     made, origin, rows = bake(folder, text)
-    assert origin == "made" and len(list(artifacts.iterdir())) == 1
+    pieces = rows[-1]["values"]["parts"] - rows[-1]["values"]["parts_open"]
+    assert origin == "made" and len(list(artifacts.iterdir())) == 1 + pieces, "and what was unfinished is gone"
     assert bake(folder, text)[:2] == (made, "cache")
     monkeypatch.setenv("HEDDLE_CACHE", str(folder / "other"))
     assert bake(folder, text) == (made, "made", rows), "as if it had not been stopped"
@@ -117,7 +119,7 @@ def test_what_is_no_bake_is_refused(folder, command):
 
 def test_the_check_proves_a_bake(folder, command):
     for name, (technique, more) in BAKES.items():
-        (folder / "bake.toml").write_text(JOB.format(technique=technique, more=more).replace("80", "24").replace("143", "2"))
+        (folder / "bake.toml").write_text(JOB.format(technique=technique, more=more).replace("112", "24").replace("102", "2"))
         done = subprocess.run([command, "check", folder / "bake.toml", "tests/fuzz/gltf_corpus/plain.glb"],
                               capture_output=True, text=True)
         assert done.returncode == 0 and "nothing found" in done.stdout, (name, done.stdout, done.stderr)

@@ -12,7 +12,7 @@
 // vec4 of an element's sums: (weight, open, tests, 0), (open N.s s, 0)
 #define BAKE_VECTORS_PER_SUM 2
 
-// Push constants: 32 bytes.
+// Push constants: 48 bytes.
 #ifdef VULKAN
 #define BAKE_UINT uint
 #define BAKE_FLOAT float
@@ -22,7 +22,7 @@
 #define BAKE_FLOAT float
 #endif
 struct BakePush {
-  BAKE_UINT element_count;
+  BAKE_UINT element_count;    // float_sums: the element behind the last
   BAKE_UINT first_direction;  // of the slice
   BAKE_UINT direction_count;  // in the slice
   BAKE_UINT layer;            // split_ramp: the one direction's depth map
@@ -30,10 +30,12 @@ struct BakePush {
   BAKE_FLOAT bias_constant;   // depth: rounding, or the step of a coarse format
   BAKE_FLOAT bias_limit;      // most of tan: 0 none
   BAKE_FLOAT depth_steps;     // 0, or that many steps of depth are told apart
+  BAKE_UINT first_element;    // float_sums
+  BAKE_UINT reserved0, reserved1, reserved2;
 };
 #ifndef VULKAN
 #ifdef __cplusplus
-static_assert(sizeof(BakePush) == 32, "as the shaders lay it out");
+static_assert(sizeof(BakePush) == 48, "as the shaders lay it out");
 #endif
 #endif
 

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // bake_visibility/depth_maps: the scene seen from directions all around, a few at a time, one orthographic depth map
 // each; every element of every surface looks into all of them. What looks, where sums are kept and how often they are
-// read back is the pipeline's: four of them, the default one being all on the GPU.
+// read back is the pipeline's: four of them, the default one being all on the GPU. Parts of the scene that nothing can
+// occlude, that an earlier bake has answered, or that more directions no longer change are not looked at.
 #include "compare.hpp"
 
 #include "bake_directions.hpp"
+#include "bake_parts.hpp"
 #include "depth_maps.hpp"
 
 #include <heddle/slices.h>
@@ -71,11 +73,15 @@ constexpr heddle_parameter kParameters[] = {
             HEDDLE_PARAMETER_REDECLARE),
     choice("set", kSets, 0, "of directions: even, or independent of each other"),
     integer("seed", "1", 0, 1'000'000, 0, "turns the even set, chooses the random one"),
+    toggle("find_open", true, "parts that nothing rises above are open without a look"),
+    parameter(
+        "settled", "1", 0, 1, 0,
+        "parts whose visibility the last half of their directions changed by less are done; 0: none before the end"),
     toggle("fill", true, "elements that see nothing, because they lie in something, take the mean of open neighbours"),
 };
 
 constexpr heddle_access kFit[] = {value("directions"), host_write("elements")};
-constexpr heddle_access kClear[] = {storage_write("sums")};
+constexpr heddle_access kBegin[] = {host_write("sums")};
 constexpr heddle_access kDraw[] = {drawn("surfaces"), depth_cleared("depth_maps")};
 constexpr heddle_access kSample[] = {storage_read("elements"), value("directions"), sampled("depth_maps"),
                                      storage_read_write("sums")};
@@ -86,11 +92,12 @@ constexpr heddle_access kSplit[] = {storage_read("elements"), value("directions"
                                     }()};
 constexpr heddle_access kCollect[] = {host_read("target")};
 constexpr heddle_access kCompare[] = {host_read("depth_maps")};
-constexpr heddle_access kFetch[] = {host_read("sums")};
+constexpr heddle_access kLook[] = {host_read("sums")};
 constexpr heddle_access kKeep[] = {value("occlusion"), value("report")};
 enum : std::uint32_t {
   kFitStage,
-  kClearStage,
+  kBeginStage,
+  kSettleStage,
   kDrawStage,
   kSampleStage,
   kSplitStage,
@@ -100,12 +107,12 @@ enum : std::uint32_t {
   kKeepStage
 };
 constexpr heddle_stage kStages[] = {
-    cpu_stage("fit", kFit),         gpu_stage("clear", kClear), gpu_stage("draw", kDraw),
-    gpu_stage("sample", kSample),   gpu_stage("split", kSplit), cpu_stage("collect", kCollect),
-    cpu_stage("compare", kCompare), cpu_stage("fetch", kFetch), cpu_stage("keep", kKeep),
+    cpu_stage("fit", kFit),         cpu_stage("begin", kBegin),     cpu_stage("settle", kLook),
+    gpu_stage("draw", kDraw),       gpu_stage("sample", kSample),   gpu_stage("split", kSplit),
+    cpu_stage("collect", kCollect), cpu_stage("compare", kCompare), cpu_stage("fetch", kLook),
+    cpu_stage("keep", kKeep),
 };
 constexpr heddle_shader kShaders[] = {
-    compute_shader("clear", "clear", "clear.comp.glsl"),
     surfaces_shader("depth", "draw", ""),
     compute_shader("sample", "sample", "sample.comp.glsl"),
     fullscreen_shader("split", "split", "split.frag.glsl"),
@@ -116,9 +123,15 @@ constexpr double kBorderTexels = 2;  // around the bounding sphere: elements on 
 /// Of the scene's diameter: what float32 rounds in a few products and sums, a few times over.
 constexpr double kRounding = 0x1p-20;
 
-/// What outlasts a process, before the sums of pipelines that add up on the CPU.
-struct Counted {
-  std::uint64_t read_backs = 0, read_bytes = 0, tests = 0;
+/// Directions before the first look at what they have changed; the next ones come when there are twice as many.
+constexpr std::uint32_t kFirstCheck = 32;
+
+/// What outlasts a process, before the parts' states, the sums, and where parts may settle the last visibilities.
+struct Progress {
+  std::uint64_t read_backs = 0, read_bytes = 0, tests = 0, pairs = 0;  // pairs: of an element and a direction
+  std::uint32_t done = 0;                                              // directions
+  std::uint32_t next_check = kFirstCheck;
+  std::uint32_t checks = 0, maps = 0;
 };
 
 class DepthMaps {
@@ -163,10 +176,12 @@ class DepthMaps {
   std::uint32_t activity(const Frame& frame) const {
     const bool is_due = [&] {
       switch (frame.stage()) {
-        case kClearStage:
+        case kBeginStage:
         case kSampleStage:
         case kFetchStage:
           return pipeline_ == kFloatSums;
+        case kSettleStage:
+          return pipeline_ == kFloatSums && is_check_due();
         case kSplitStage:
         case kCollectStage:
           return is_split();
@@ -176,15 +191,12 @@ class DepthMaps {
           return true;
       }
     }();
-    return is_due && (frame.stage() == kFitStage || frame.stage() == kKeepStage || !set_.elements.empty())
-               ? HEDDLE_RUN
-               : HEDDLE_NOTHING;
+    const bool is_always = frame.stage() == kFitStage || frame.stage() == kKeepStage;
+    return is_due && (is_always || !ranges_.empty()) ? HEDDLE_RUN : HEDDLE_NOTHING;
   }
 
   heddle_status record(const Frame& frame) {
     switch (frame.stage()) {
-      case kClearStage:
-        return frame.dispatch("clear", groups(), 1, 1, push(frame, 0, 0));
       case kDrawStage:
         return draw(frame);
       case kSampleStage:
@@ -198,10 +210,14 @@ class DepthMaps {
     switch (frame.stage()) {
       case kFitStage:
         return fit(frame);
+      case kBeginStage:
+        return begin(frame);
       case kCollectStage:
         return collect(frame);
       case kCompareStage:
         return compare(frame);
+      case kSettleStage:
+        return settle(frame);
       case kFetchStage:
         return fetch(frame);
       default:
@@ -210,27 +226,36 @@ class DepthMaps {
   }
 
   heddle_status save_state(const Frame& frame) const {
-    const heddle_status status = frame.keep_state(std::span(&counted_, 1));
-    return status == HEDDLE_OK ? frame.keep_state(std::span<const Sums>(sums_)) : status;
+    for (const heddle_status status :
+         {frame.keep_state(std::span(&progress_, 1)), frame.keep_state(std::span<const PartState>(parts_.states)),
+          frame.keep_state(std::span<const Sums>(sums_)), frame.keep_state(std::span<const float>(before_))})
+      if (status != HEDDLE_OK) return status;
+    return HEDDLE_OK;
   }
   heddle_status load_state(const Frame&, std::span<const std::byte> state) {
-    if (state.size() != sizeof counted_ + sums_.size() * sizeof(Sums)) return HEDDLE_UNSUPPORTED;
-    std::memcpy(&counted_, state.data(), sizeof counted_);
-    if (!sums_.empty()) std::memcpy(sums_.data(), state.data() + sizeof counted_, state.size() - sizeof counted_);
+    std::vector<PartState> states(parts_.states.size());
+    const auto bytes_of = [](auto& items) { return std::as_writable_bytes(std::span(items)); };
+    std::span<Progress> progress(&progress_, 1);
+    const std::array<std::span<std::byte>, 4> all{bytes_of(progress), bytes_of(states), bytes_of(sums_),
+                                                  bytes_of(before_)};
+    std::size_t size = 0;
+    for (const auto& one : all) size += one.size();
+    if (state.size() != size) return HEDDLE_UNSUPPORTED;
+    std::memcpy(states.data(), state.data() + sizeof progress_, states.size());
+    if (!parts_.began_as(states)) return HEDDLE_UNSUPPORTED;
+    for (const auto& one : all) {
+      if (!one.empty()) std::memcpy(one.data(), state.data(), one.size());
+      state = state.subspan(one.size());
+    }
+    parts_.states = std::move(states);
+    ranges_ = parts_.ranges(set_);
     return HEDDLE_OK;
   }
 
  private:
   [[nodiscard]] bool is_split() const { return pipeline_ == kSplitRamp || pipeline_ == kGpuCompare; }
-  [[nodiscard]] std::uint32_t groups() const {
-    return static_cast<std::uint32_t>((set_.elements.size() + BAKE_GROUP_SIZE - 1) / BAKE_GROUP_SIZE);
-  }
-  [[nodiscard]] std::uint32_t slice_count() const {
-    return static_cast<std::uint32_t>((views_.size() + batch_ - 1) / batch_);
-  }
-  [[nodiscard]] std::uint32_t first_direction(const Frame& frame) const { return frame.info().slice * batch_; }
-  [[nodiscard]] std::uint32_t direction_count(const Frame& frame) const {
-    return std::min(batch_, static_cast<std::uint32_t>(views_.size()) - first_direction(frame));
+  [[nodiscard]] std::uint32_t direction_count() const {
+    return std::min(batch_, static_cast<std::uint32_t>(views_.size()) - progress_.done);
   }
 
   [[nodiscard]] BakePush push(const Frame& frame, std::uint32_t first, std::uint32_t count) const {
@@ -296,15 +321,34 @@ class DepthMaps {
       elements_[BAKE_VECTORS_PER_ELEMENT * e + 1] = glm::vec4(set_.elements[e].normal, 0.0F);
     }
     std::memcpy(out.data, elements_.data(), elements_.size() * sizeof(glm::vec4));
-    sums_.assign(pipeline_ == kFloatSums ? 0 : set_.elements.size(), {});
-    counted_ = {};
+    progress_ = {};
+    before_.assign(host.parameter("settled") > 0 ? set_.elements.size() : 0, 0.0F);
+    PartRules rules;
+    // Within a texel of its centre a surface below a tangent plane comes to lie in front of it, and no farther (the
+    // middle of a texel is 1 / sqrt(2) from its corners).
+    rules.margin = 2 * half_size_ / side + 4 * kRounding * length_;
+    rules.finds_open = host.toggle("find_open");
+    rules.asked.push_back(batch_);
+    for (const char* name : {"directions", "resolution", "bias", "bias_limit", "depth_format", "casters", "pipeline",
+                             "set", "seed", "settled"})
+      rules.asked.push_back(host.parameter(name));
+    if (const heddle_status status = parts_.begin(frame, set_, rules, sums_); status != HEDDLE_OK) return status;
+    ranges_ = parts_.ranges(set_);
     return frame.set_value<glm::vec4>("directions", rows_);
+  }
+
+  /// Nothing is summed yet.
+  static heddle_status begin(const Frame& frame) {
+    heddle_mapped out;
+    if (const heddle_status status = frame.map("sums", out); status != HEDDLE_OK) return status;
+    std::memset(out.data, 0, out.shape.byte_size);
+    return HEDDLE_OK;
   }
 
   heddle_status draw(const Frame& frame) const {
     const auto views = Views::of(frame);
     if (!views) return HEDDLE_UNSUPPORTED;
-    const std::uint32_t first = first_direction(frame), count = direction_count(frame);
+    const std::uint32_t first = progress_.done, count = direction_count();
     for (std::uint32_t i = 0; i < count; ++i) {
       heddle_draw drawing = Frame::drawing("depth");
       drawing.view = &views_[first + i];
@@ -318,29 +362,66 @@ class DepthMaps {
     return HEDDLE_OK;
   }
 
-  /// The next slice, or none.
-  heddle_status go_on(const Frame& frame) const {
-    const std::uint32_t done = frame.info().slice + 1;
-    if (const heddle_status status = frame.progress(static_cast<double>(done) / slice_count()); status != HEDDLE_OK)
-      return status;
-    if (done >= slice_count()) return HEDDLE_OK;
+  /// After a slice.
+  void count_directions() {
+    const std::uint32_t count = direction_count();
+    for (const auto& [first, end] : ranges_) progress_.pairs += std::uint64_t{end - first} * count;
+    progress_.done += count;
+    progress_.maps += count;
+  }
+  [[nodiscard]] bool is_done() const { return progress_.done == views_.size() || ranges_.empty(); }
+  [[nodiscard]] bool is_check_due() const {
+    return !before_.empty() && progress_.done >= progress_.next_check && !is_done();
+  }
+
+  /// Parts that about half of their directions have changed by less than `settled` are asked no more.
+  void check(const Frame& frame) {
+    const auto most = static_cast<float>(frame.host().parameter("settled"));
+    for (std::size_t p = 0; p < set_.parts.size(); ++p) {
+      if (parts_.states[p] != PartState::kAsked) continue;
+      float change = 0;
+      for (std::uint32_t i = 0; i < set_.parts[p].count; ++i) {
+        const std::uint32_t e = set_.parts[p].first + i;
+        const double visibility = sums_[e].weight > 0 ? sums_[e].open / sums_[e].weight : 1.0;
+        change = std::max(change, std::abs(static_cast<float>(visibility) - before_[e]));
+        before_[e] = static_cast<float>(visibility);
+      }
+      if (progress_.checks > 0 && change < most) parts_.states[p] = PartState::kSettled;
+    }
+    ++progress_.checks;
+    while (progress_.next_check <= progress_.done) progress_.next_check *= 2;
+    ranges_ = parts_.ranges(set_);
+  }
+
+  /// The next slice begins with `stage`; none if that was the last.
+  heddle_status go_on(const Frame& frame, const char* stage = "draw") const {
+    const double share =
+        ranges_.empty() ? 1.0 : static_cast<double>(progress_.done) / static_cast<double>(views_.size());
+    if (const heddle_status status = frame.progress(share); status != HEDDLE_OK) return status;
+    if (is_done()) return HEDDLE_OK;
     const auto* slices = frame.host().service<heddle_slices_service>(HEDDLE_SLICES_SERVICE);
     if (slices == nullptr)
       return frame.host().fail(HEDDLE_UNSUPPORTED, "this host has no service " HEDDLE_SLICES_SERVICE);
-    const heddle_status status = slices->begin_with(frame.host().raw(), frame.raw(), "draw");
+    const heddle_status status = slices->begin_with(frame.host().raw(), frame.raw(), stage);
     return status == HEDDLE_OK ? HEDDLE_MORE : status;
   }
 
-  heddle_status sample(const Frame& frame) const {
-    const heddle_status status =
-        frame.dispatch("sample", groups(), 1, 1, push(frame, first_direction(frame), direction_count(frame)));
-    return status == HEDDLE_OK ? go_on(frame) : status;
+  heddle_status sample(const Frame& frame) {
+    for (const auto& [first, end] : ranges_) {
+      BakePush one = push(frame, progress_.done, direction_count());
+      one.first_element = first;
+      one.element_count = end;
+      const std::uint32_t groups = (end - first + BAKE_GROUP_SIZE - 1) / BAKE_GROUP_SIZE;
+      if (first != ranges_.front()[0]) frame.barrier();
+      if (const heddle_status status = frame.dispatch("sample", groups, 1, 1, one); status != HEDDLE_OK) return status;
+    }
+    count_directions();
+    return go_on(frame, is_check_due() ? "settle" : "draw");
   }
 
   heddle_status split(const Frame& frame) const {
-    const std::uint32_t first = first_direction(frame);
-    for (std::uint32_t i = 0; i < direction_count(frame); ++i) {
-      BakePush one = push(frame, first + i, 1);
+    for (std::uint32_t i = 0; i < direction_count(); ++i) {
+      BakePush one = push(frame, progress_.done + i, 1);
       one.layer = i;
       if (const heddle_status status = frame.fullscreen("split", 0, one); status != HEDDLE_OK) return status;
     }
@@ -349,47 +430,82 @@ class DepthMaps {
 
   heddle_status map_and_count(const Frame& frame, const char* name, heddle_mapped& out) {
     const heddle_status status = frame.map(name, out);
-    ++counted_.read_backs;
-    counted_.read_bytes += out.row_bytes * out.shape.height * std::max(out.shape.layers, 1U);
+    ++progress_.read_backs;
+    progress_.read_bytes += out.row_bytes * out.shape.height * std::max(out.shape.layers, 1U);
     return status;
   }
 
   heddle_status collect(const Frame& frame) {
     heddle_mapped target;
     if (const heddle_status status = map_and_count(frame, "target", target); status != HEDDLE_OK) return status;
-    collect_split({static_cast<const std::uint8_t*>(target.data), 4 * sums_.size()}, sums_);
-    return go_on(frame);
+    const auto* texels = static_cast<const std::uint8_t*>(target.data);
+    for (const auto& [first, end] : ranges_)
+      collect_split({texels + std::size_t{4} * first, std::size_t{4} * (end - first)},
+                    std::span(sums_).subspan(first, end - first));
+    return add_up(frame);
   }
 
   heddle_status compare(const Frame& frame) {
     heddle_mapped maps;
     if (const heddle_status status = map_and_count(frame, "depth_maps", maps); status != HEDDLE_OK) return status;
-    const std::uint32_t first = first_direction(frame);
+    const std::size_t direction = std::size_t{BAKE_VECTORS_PER_DIRECTION} * progress_.done;
     const DepthMap map{maps.data, maps.shape.format == VK_FORMAT_D16_UNORM, maps.shape.width};
-    counted_.tests += compare_depths(
-        map, std::span(rows_).subspan(std::size_t{BAKE_VECTORS_PER_DIRECTION} * first, BAKE_VECTORS_PER_DIRECTION),
-        push(frame, first, 1), elements_, sums_);
+    for (const auto& [first, end] : ranges_)
+      progress_.tests += compare_depths(
+          map, std::span(rows_).subspan(direction, BAKE_VECTORS_PER_DIRECTION), push(frame, progress_.done, 1),
+          std::span(elements_).subspan(std::size_t{BAKE_VECTORS_PER_ELEMENT} * first,
+                                       std::size_t{BAKE_VECTORS_PER_ELEMENT} * (end - first)),
+          std::span(sums_).subspan(first, end - first));
+    return add_up(frame);
+  }
+
+  /// After a slice of pipelines whose sums are here.
+  heddle_status add_up(const Frame& frame) {
+    count_directions();
+    if (is_check_due()) check(frame);
     return go_on(frame);
+  }
+
+  /// float_sums: between two slices, the sums of all directions so far.
+  heddle_status settle(const Frame& frame) {
+    heddle_mapped out;
+    if (const heddle_status status = read_sums(frame, out); status != HEDDLE_OK) return status;
+    const std::vector<PartState> before = parts_.states;
+    check(frame);
+    for (std::size_t p = 0; p < set_.parts.size(); ++p)
+      if (parts_.states[p] != before[p]) count_tests(out, set_.parts[p].first, set_.parts[p].count);
+    return HEDDLE_OK;
   }
 
   heddle_status fetch(const Frame& frame) {
     heddle_mapped out;
-    if (const heddle_status status = frame.map("sums", out); status != HEDDLE_OK) return status;
-    ++counted_.read_backs;
-    counted_.read_bytes += out.shape.byte_size;
-    const auto* sums = static_cast<const glm::vec4*>(out.data);
-    sums_.resize(set_.elements.size());
-    for (std::size_t e = 0; e < sums_.size(); ++e) {
-      const glm::dvec4 weights(sums[BAKE_VECTORS_PER_SUM * e]), bent(sums[BAKE_VECTORS_PER_SUM * e + 1]);
-      sums_[e] = {weights.x, weights.y, {bent.x, bent.y, bent.z}};
-      counted_.tests += static_cast<std::uint64_t>(weights.z);
-    }
+    if (const heddle_status status = read_sums(frame, out); status != HEDDLE_OK) return status;
+    for (const auto& [first, end] : ranges_) count_tests(out, first, end - first);
     return HEDDLE_OK;
+  }
+
+  heddle_status read_sums(const Frame& frame, heddle_mapped& out) {
+    if (const heddle_status status = frame.map("sums", out); status != HEDDLE_OK) return status;
+    ++progress_.read_backs;
+    progress_.read_bytes += out.shape.byte_size;
+    const auto* sums = static_cast<const glm::vec4*>(out.data);
+    for (const auto& [first, end] : ranges_)
+      for (std::uint32_t e = first; e < end; ++e) {
+        const glm::dvec4 weights(sums[BAKE_VECTORS_PER_SUM * e]), bent(sums[BAKE_VECTORS_PER_SUM * e + 1]);
+        sums_[e] = {weights.x, weights.y, {bent.x, bent.y, bent.z}};
+      }
+    return HEDDLE_OK;
+  }
+  void count_tests(const heddle_mapped& out, std::uint32_t first, std::uint32_t count) {
+    const auto* sums = static_cast<const glm::vec4*>(out.data);
+    for (std::uint32_t e = first; e < first + count; ++e)
+      progress_.tests += static_cast<std::uint64_t>(sums[BAKE_VECTORS_PER_SUM * e].z);
   }
 
   /// README equation (1), and the artifact.
   heddle_status keep(const Frame& frame) {
     const PassHost host = frame.host();
+    if (const heddle_status status = parts_.keep(frame, set_, sums_); status != HEDDLE_OK) return status;
     const Blind blind = set_values(set_, sums_, host.toggle("fill"), views_.size());
     for (const std::string& remark : set_.remarks)
       if (const heddle_status status = frame.add_row("report", HEDDLE_SEVERITY_WARNING, remark); status != HEDDLE_OK)
@@ -401,12 +517,18 @@ class DepthMaps {
          {"spacing", set_.spacing},
          {"reached", set_.reached},
          {"texel", 2.0 * half_size_ / host.integer("resolution")},
+         {"parts", static_cast<double>(set_.parts.size())},
+         {"parts_known", parts_.count(PartState::kKnown)},
+         {"parts_open", parts_.count(PartState::kOpen)},
+         {"parts_settled", parts_.count(PartState::kSettled)},
+         {"maps", static_cast<double>(progress_.maps)},
+         {"pairs", static_cast<double>(progress_.pairs)},
          {"closed", static_cast<double>(blind.closed)},
          {"without_side", static_cast<double>(blind.without_side)},
-         {"read_backs", static_cast<double>(counted_.read_backs)},
-         {"read_bytes", static_cast<double>(counted_.read_bytes)},
+         {"read_backs", static_cast<double>(progress_.read_backs)},
+         {"read_bytes", static_cast<double>(progress_.read_bytes)},
          {"tests",
-          pipeline_ == kSplitRamp || pipeline_ == kGpuCompare ? std::nan("") : static_cast<double>(counted_.tests)}});
+          pipeline_ == kSplitRamp || pipeline_ == kGpuCompare ? std::nan("") : static_cast<double>(progress_.tests)}});
     if (status != HEDDLE_OK) return status;
     return frame.set_value<std::byte>("occlusion", to_bytes(set_.baked));
   }
@@ -416,8 +538,11 @@ class DepthMaps {
   double half_size_ = 1, length_ = 2;  // metres, of all views
   std::vector<HeddleView> views_;
   std::vector<glm::vec4> rows_, elements_;  // as shaders see them
-  std::vector<Sums> sums_;
-  Counted counted_;
+  std::vector<Sums> sums_;                  // of all elements; float_sums: as of the last look
+  Parts parts_;
+  std::vector<std::array<std::uint32_t, 2>> ranges_;  // of elements that are asked
+  std::vector<float> before_;                         // visibility at the last check; empty: parts do not settle
+  Progress progress_;
 };
 
 constexpr heddle_technique kDepthMaps =

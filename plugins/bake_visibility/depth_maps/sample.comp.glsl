@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A slice of directions with a depth map each -> sums of every element. README equations (1) to (5).
 // in      elements, directions, depth_maps (a layer a direction of the slice)
-// inout   sums
+// inout   sums       of the elements from first_element up to element_count
 // threads 64, one an element: no atomics, so the order of every sum is fixed
 // loops   at most 64 directions a slice
 #include "pass.glsl"
@@ -11,7 +11,7 @@ layout(local_size_x = BAKE_GROUP_SIZE) in;
 layout(push_constant) uniform Push { BakePush push; };
 
 void main() {
-  uint element = gl_GlobalInvocationID.x;
+  uint element = push.first_element + gl_GlobalInvocationID.x;
   if (element >= push.element_count) return;
   vec4 position = elements[BAKE_VECTORS_PER_ELEMENT * element];
   vec4 normal = elements[BAKE_VECTORS_PER_ELEMENT * element + 1u];

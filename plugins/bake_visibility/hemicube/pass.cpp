@@ -5,7 +5,7 @@
 
 #include "params.h"
 
-#include "bake_elements.hpp"
+#include "bake_parts.hpp"
 #include "point_sequences.hpp"
 
 #include <heddle/slices.h>
@@ -51,6 +51,7 @@ constexpr heddle_parameter kParameters[] = {
     toggle("turned", true, "each hemicube about its normal by an angle of its own: noise in place of bands"),
     integer("batch", "1", 1, 1024, 256, "elements a submission, whose faces are there at a time",
             HEDDLE_PARAMETER_REDECLARE),
+    toggle("find_open", true, "parts that nothing rises above are open without a look"),
     toggle("fill", true, "elements that see nothing, because they lie in something, take the mean of open neighbours"),
 };
 
@@ -111,8 +112,8 @@ class Hemicube {
   }
 
   std::uint32_t activity(const Frame& frame) const {
-    const bool is_of_elements = frame.stage() == kDrawStage || frame.stage() == kSumStage;
-    return is_of_elements && set_.elements.empty() ? HEDDLE_NOTHING : HEDDLE_RUN;
+    const bool is_always = frame.stage() == kFitStage || frame.stage() == kKeepStage;
+    return is_always || !asked_.empty() ? HEDDLE_RUN : HEDDLE_NOTHING;
   }
 
   heddle_status record(const Frame& frame) { return frame.stage() == kDrawStage ? draw(frame) : sum(frame); }
@@ -129,15 +130,20 @@ class Hemicube {
   }
 
   /// What is done lies in the port `sums`, which the host keeps.
-  heddle_status save_state(const Frame& frame) const { return frame.keep_state(std::span<const std::byte>()); }
-  heddle_status load_state(const Frame&, std::span<const std::byte> state) {
-    return state.empty() ? HEDDLE_OK : HEDDLE_UNSUPPORTED;
+  heddle_status save_state(const Frame& frame) const {
+    return frame.keep_state(std::span<const PartState>(parts_.states));
+  }
+  heddle_status load_state(const Frame&, std::span<const std::byte> state) const {
+    std::vector<PartState> states(state.size());
+    if (!states.empty()) std::memcpy(states.data(), state.data(), state.size());
+    return parts_.began_as(states) ? HEDDLE_OK : HEDDLE_UNSUPPORTED;
   }
 
  private:
+  // Of those that are asked.
   [[nodiscard]] std::uint32_t first_element(const Frame& frame) const { return frame.info().slice * batch_; }
   [[nodiscard]] std::uint32_t element_count(const Frame& frame) const {
-    return std::min(batch_, static_cast<std::uint32_t>(set_.elements.size()) - first_element(frame));
+    return std::min(batch_, static_cast<std::uint32_t>(asked_.size()) - first_element(frame));
   }
 
   static bool has_side(const Element& element) { return element.normal != glm::vec3(0.0F); }
@@ -147,10 +153,17 @@ class Hemicube {
     return hemicube::axes(glm::normalize(glm::dvec3(element.normal)), host.toggle("turned") ? angle_of(element) : 0.0);
   }
 
-  heddle_status fit(const Frame& frame) const {
+  heddle_status fit(const Frame& frame) {
+    const PassHost host = frame.host();
+    PartRules rules;
+    rules.margin = 4 * lift();  // eyes stand in front of their elements, and float32 moves both
+    rules.finds_open = host.toggle("find_open");
+    rules.asked = {static_cast<double>(side_), host.parameter("casters"), host.parameter("turned")};
+    if (const heddle_status status = parts_.begin(frame, set_, rules, sums_); status != HEDDLE_OK) return status;
+    asked_ = parts_.asked(set_);
     std::vector<glm::vec4> rows;
-    for (const Element& element : set_.elements) {
-      const glm::dmat3 axes = axes_of(frame.host(), element);
+    for (const std::uint32_t e : asked_) {
+      const glm::dmat3 axes = axes_of(host, set_.elements[e]);
       for (int axis = 0; axis < 3; ++axis) rows.emplace_back(glm::vec3(axes[axis]), 0.0F);
     }
     if (rows.empty()) rows.assign(HEMICUBE_VECTORS_PER_ELEMENT, glm::vec4(0.0F));
@@ -169,15 +182,15 @@ class Hemicube {
     return HEDDLE_OK;
   }
 
+  [[nodiscard]] double lift() const { return kRounding * 2 * set_.radius; }
   /// One face of an element. Relative to the scene's centre, as all views are, so that instances are placed once.
   [[nodiscard]] HeddleView view_of(const Element& element, const glm::dmat3& axes, const hemicube::Face& face) const {
-    const double lift = kRounding * 2 * set_.radius;
-    const glm::dvec3 eye = glm::dvec3(element.position) + lift * axes[2];
+    const glm::dvec3 eye = glm::dvec3(element.position) + lift() * axes[2];
     const glm::dmat3 turn(axes * face.right, axes * face.up, axes * -face.forward);
     glm::dmat4 rel_from_view(turn);
     rel_from_view[3] = glm::dvec4(eye, 1.0);
     const glm::dmat4 view_from_rel = glm::inverse(rel_from_view);
-    const glm::dmat4 clip_from_rel = hemicube::projection(face.height == side_, lift) * view_from_rel;
+    const glm::dmat4 clip_from_rel = hemicube::projection(face.height == side_, lift()) * view_from_rel;
     HeddleView view{};
     const auto put = [](const glm::dmat4& matrix, float(&out)[16]) {
       for (int i = 0; i < 16; ++i) out[i] = static_cast<float>(matrix[i / 4][i % 4]);
@@ -188,7 +201,7 @@ class Hemicube {
     put(view_from_rel, view.view_from_rel);
     put(rel_from_view, view.rel_from_view);
     view.half_size[0] = view.half_size[1] = 1.0F;
-    view.near_distance = static_cast<float>(lift);
+    view.near_distance = static_cast<float>(lift());
     view.extent[0] = side_;
     view.extent[1] = face.height;
     return view;
@@ -200,7 +213,7 @@ class Hemicube {
     const auto faces = hemicube::faces(side_);
     std::uint64_t drawn = 0;
     for (std::uint32_t i = 0; i < element_count(frame); ++i) {
-      const Element& element = set_.elements[first_element(frame) + i];
+      const Element& element = set_.elements[asked_[first_element(frame) + i]];
       if (!has_side(element)) continue;
       const glm::dmat3 axes = axes_of(frame.host(), element);
       for (const hemicube::Face& face : faces) {
@@ -227,11 +240,10 @@ class Hemicube {
     if (const heddle_status status = frame.dispatch("sum", element_count(frame), 1, 1, push); status != HEDDLE_OK)
       return status;
     const std::uint64_t done = std::uint64_t{first_element(frame)} + element_count(frame);
-    if (const heddle_status status =
-            frame.progress(static_cast<double>(done) / static_cast<double>(set_.elements.size()));
+    if (const heddle_status status = frame.progress(static_cast<double>(done) / static_cast<double>(asked_.size()));
         status != HEDDLE_OK)
       return status;
-    if (done == set_.elements.size()) return HEDDLE_OK;
+    if (done == asked_.size()) return HEDDLE_OK;
     const auto* slices = frame.host().service<heddle_slices_service>(HEDDLE_SLICES_SERVICE);
     if (slices == nullptr)
       return frame.host().fail(HEDDLE_UNSUPPORTED, "this host has no service " HEDDLE_SLICES_SERVICE);
@@ -243,37 +255,42 @@ class Hemicube {
     heddle_mapped out;
     if (const heddle_status status = frame.map("sums", out); status != HEDDLE_OK) return status;
     const auto* sums = static_cast<const glm::vec4*>(out.data);
-    sums_.assign(set_.elements.size(), {});
-    for (std::size_t e = 0; e < sums_.size(); ++e) {
-      if (!has_side(set_.elements[e])) continue;
-      const glm::dvec4 weights(sums[HEMICUBE_VECTORS_PER_SUM * e]), bent(sums[HEMICUBE_VECTORS_PER_SUM * e + 1]);
-      sums_[e] = {weights.x, weights.y, {bent.x, bent.y, bent.z}};
+    for (std::size_t i = 0; i < asked_.size(); ++i) {
+      if (!has_side(set_.elements[asked_[i]])) continue;
+      const glm::dvec4 weights(sums[HEMICUBE_VECTORS_PER_SUM * i]), bent(sums[HEMICUBE_VECTORS_PER_SUM * i + 1]);
+      sums_[asked_[i]] = {weights.x, weights.y, {bent.x, bent.y, bent.z}};
     }
     return HEDDLE_OK;
   }
 
   heddle_status keep(const Frame& frame) {
+    if (const heddle_status status = parts_.keep(frame, set_, sums_); status != HEDDLE_OK) return status;
     const Blind blind = set_values(set_, sums_, frame.host().toggle("fill"), std::size_t{3} * side_ * side_);
     for (const std::string& remark : set_.remarks)
       if (const heddle_status status = frame.add_row("report", HEDDLE_SEVERITY_WARNING, remark); status != HEDDLE_OK)
         return status;
-    const auto count = static_cast<double>(set_.elements.size());
-    const auto without_side = static_cast<double>(blind.without_side);
+    const auto faces =
+        HEMICUBE_FACES * std::ranges::count_if(asked_, [&](std::uint32_t e) { return has_side(set_.elements[e]); });
     const heddle_status status = frame.add_row("report", HEDDLE_SEVERITY_INFO, "visibility is baked",
-                                               {{"elements", count},
+                                               {{"elements", static_cast<double>(set_.elements.size())},
                                                 {"pixels", 3.0 * side_ * side_},
-                                                {"faces", HEMICUBE_FACES * (count - without_side)},
-                                                {"submissions", std::ceil(count / batch_)},
+                                                {"faces", static_cast<double>(faces)},
+                                                {"submissions", std::ceil(static_cast<double>(asked_.size()) / batch_)},
+                                                {"parts", static_cast<double>(set_.parts.size())},
+                                                {"parts_known", parts_.count(PartState::kKnown)},
+                                                {"parts_open", parts_.count(PartState::kOpen)},
                                                 {"spacing", set_.spacing},
                                                 {"reached", set_.reached},
                                                 {"closed", static_cast<double>(blind.closed)},
-                                                {"without_side", without_side}});
+                                                {"without_side", static_cast<double>(blind.without_side)}});
     if (status != HEDDLE_OK) return status;
     return frame.set_value<std::byte>("occlusion", to_bytes(set_.baked));
   }
 
   std::uint32_t side_ = 32, batch_ = 1;
   ElementSet set_;
+  Parts parts_;
+  std::vector<std::uint32_t> asked_;  // elements, in the order in which the ports hold them
   std::vector<Sums> sums_;
 };
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Depth of five faces an element -> how much of its cosine-weighted hemisphere is open. README equation (1).
-// in      elements, weights (of each pixel of a tile), depth_maps (a layer an element of the slice)
+// in      elements (those that are asked), weights (of each pixel of a tile), depth_maps (a layer an element of the slice)
 // inout   sums     of the slice's elements, 0 before
 // threads 64, one work group an element: partial sums meet in a fixed order
 // loops   3 side^2 / 64 pixels, at most 3072

@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // bake_visibility/ray_traced: a ray from every element in every direction, on the CPU. The reference of its role.
 #include "bake_directions.hpp"
-#include "bake_elements.hpp"
+#include "bake_parts.hpp"
+#include "embree_triangles.hpp"
 
 #include <heddle/pass.hpp>
-
-#include <embree3/rtcore.h>
 
 #include <cstring>
 #include <memory>
@@ -34,6 +33,7 @@ constexpr heddle_parameter kParameters[] = {
     parameter("inset", "1", 0, 0.5, 0.1, "of the spacing: how far elements lie off the rims of smooth parts"),
     choice("set", kSets, 0, "of directions: even, or independent of each other"),
     integer("seed", "1", 0, 1'000'000, 0, "turns the even set, chooses the random one"),
+    toggle("find_open", true, "parts that nothing rises above are open without a look"),
     toggle("fill", true, "elements that see nothing, because they lie in something, take the mean of open neighbours"),
 };
 constexpr heddle_access kTrace[] = {host_read("surfaces"), value("occlusion"), value("report")};
@@ -41,9 +41,6 @@ constexpr heddle_stage kStages[] = {cpu_stage("trace", kTrace)};
 
 constexpr unsigned kPacket = 16;
 constexpr std::size_t kRaysPerSlice = 1U << 21;
-/// Units in the last place of the largest coordinate that a ray starts off its surface, as ambient_occlusion/ray_traced
-/// does: vertices and intersections are float32.
-constexpr double kLiftUlps = 8;
 
 /// One Embree device and scene.
 class Occluders {
@@ -60,42 +57,43 @@ class Occluders {
   [[nodiscard]] bool build(const heddle_snapshot& snapshot, heddle_alpha_test alpha, const glm::dvec3& origin) {
     device_ = rtcNewDevice("threads=1");
     if (device_ == nullptr) {
-      error_ = "there is no Embree device";
+      error_.say(rtcGetDeviceError(nullptr), "there is no device");
       return false;
     }
-    rtcSetDeviceErrorFunction(
-        device_, [](void* self, RTCError, const char* text) { static_cast<Occluders*>(self)->error_ = text; }, this);
+    rtcSetDeviceErrorFunction(device_, &embree::ErrorText::note, &error_);
     scene_ = rtcNewScene(device_);
     rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
     snapshot_ = &snapshot;
     alpha_ = alpha;
     const glm::dvec3 shift = glm::dvec3(snapshot.origin[0], snapshot.origin[1], snapshot.origin[2]) - origin;
+    std::vector<glm::vec3> positions;
     for (std::uint32_t v = 0; v < snapshot.vertex_count; ++v) {
-      const float* p = snapshot.positions + std::size_t{3} * v;
-      positions_.emplace_back(glm::dvec3(p[0], p[1], p[2]) + shift);
-      for (int c = 0; c < 3; ++c)
-        if (std::isfinite(positions_.back()[c])) largest_ = std::max(largest_, std::abs(positions_.back()[c]));
+      positions.emplace_back(glm::dvec3(glm::make_vec3(snapshot.positions + std::size_t{3} * v)) + shift);
+      const double coordinate = embree::largest_coordinate(positions.back());
+      if (std::isfinite(coordinate)) largest_ = std::max(largest_, coordinate);
     }
-    for (std::uint32_t t = 0; t < snapshot.triangle_count; ++t)
-      if ((snapshot.flags[t] & (HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED)) != 0) triangles_.push_back(t);
-    RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
-    rtcSetSharedGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3, positions_.data(), 0,
-                               sizeof(glm::vec3), positions_.size());
-    auto* indices = static_cast<std::uint32_t*>(rtcSetNewGeometryBuffer(
-        geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3, 3 * sizeof(std::uint32_t), triangles_.size()));
-    for (std::size_t i = 0; indices != nullptr && i < triangles_.size(); ++i)
-      std::memcpy(indices + 3 * i, snapshot.indices + std::size_t{3} * triangles_[i], 3 * sizeof(std::uint32_t));
-    rtcSetGeometryUserData(geometry, this);
-    if (alpha_ != nullptr) rtcSetGeometryOccludedFilterFunction(geometry, &filter);
-    rtcCommitGeometry(geometry);
-    rtcAttachGeometry(scene_, geometry);
-    rtcReleaseGeometry(geometry);
+    std::vector<glm::uvec3> triangles;
+    std::array<std::vector<std::uint32_t>, 2> chosen;  // opaque, masked: only their hits are judged
+    for (std::uint32_t t = 0; t < snapshot.triangle_count; ++t) {
+      triangles.push_back(glm::make_vec3(snapshot.indices + std::size_t{3} * t));
+      if ((snapshot.flags[t] & HEDDLE_SURFACE_OPAQUE) != 0)
+        chosen[0].push_back(t);
+      else if ((snapshot.flags[t] & HEDDLE_SURFACE_MASKED) != 0)
+        chosen[1].push_back(t);
+    }
+    RTCBuffer vertices = embree::copy_vertices(device_, positions);
+    if (vertices == nullptr) return false;
+    embree::attach_triangles(device_, scene_, 0, vertices, positions.size(), triangles, chosen[0], nullptr, nullptr);
+    embree::attach_triangles(device_, scene_, 1, vertices, positions.size(), triangles, chosen[1],
+                             alpha_ != nullptr ? &filter : nullptr, this);
+    rtcReleaseBuffer(vertices);
+    masked_ = std::move(chosen[1]);
     rtcCommitScene(scene_);
-    return error_.empty();
+    return error_.text[0] == '\0';
   }
-  [[nodiscard]] const std::string& error() const { return error_; }
-  /// Metres that the rays of an element start in front of it.
-  [[nodiscard]] double lift() const { return kLiftUlps * 0x1p-24 * static_cast<double>(largest_); }
+  [[nodiscard]] const char* error() const { return error_.text; }
+  /// Metres that the rays of an element start in front of it: as far as float32 may be off.
+  [[nodiscard]] double lift() const { return embree::kUncertainUlps * embree::kUlp * largest_; }
 
   /// Bit i: direction i is free.
   [[nodiscard]] std::uint32_t trace(const glm::vec3& from, std::span<const glm::vec3> directions) const {
@@ -132,8 +130,7 @@ class Occluders {
     const auto* self = static_cast<const Occluders*>(arguments->geometryUserPtr);
     for (unsigned i = 0; i < arguments->N; ++i) {
       if (arguments->valid[i] != -1) continue;
-      const std::uint32_t triangle = self->triangles_[RTCHitN_primID(arguments->hit, arguments->N, i)];
-      if ((self->snapshot_->flags[triangle] & HEDDLE_SURFACE_MASKED) == 0) continue;
+      const std::uint32_t triangle = self->masked_[RTCHitN_primID(arguments->hit, arguments->N, i)];
       if (self->alpha_(self->snapshot_, triangle, RTCHitN_u(arguments->hit, arguments->N, i),
                        RTCHitN_v(arguments->hit, arguments->N, i)) == 0)
         arguments->valid[i] = 0;
@@ -144,10 +141,9 @@ class Occluders {
   RTCScene scene_ = nullptr;
   const heddle_snapshot* snapshot_ = nullptr;  // of the running call
   heddle_alpha_test alpha_ = nullptr;
-  std::vector<glm::vec3> positions_;
-  std::vector<std::uint32_t> triangles_;  // Embree's -> the snapshot's
-  float largest_ = 0;
-  std::string error_;
+  std::vector<std::uint32_t> masked_;  // Embree's triangles of geometry 1 -> the snapshot's
+  double largest_ = 0;
+  embree::ErrorText error_;
 };
 
 class RayTraced {
@@ -157,17 +153,23 @@ class RayTraced {
       if (const heddle_status status = begin(frame); status != HEDDLE_OK) return status;
     const std::size_t per_slice = std::max<std::size_t>(kRaysPerSlice / directions_.size(), 1);
     const std::size_t first = per_slice * frame.info().slice;
-    const std::size_t end = std::min(set_.elements.size(), first + per_slice);
-    for (std::size_t e = first; e < end; ++e) sums_[e] = ask(set_.elements[e]);
-    const double done = set_.elements.empty() ? 1.0 : static_cast<double>(end) / static_cast<double>(sums_.size());
+    const std::size_t end = std::min(asked_.size(), first + per_slice);
+    for (std::size_t i = first; i < end; ++i) sums_[asked_[i]] = ask(set_.elements[asked_[i]]);
+    const double done = asked_.empty() ? 1.0 : static_cast<double>(end) / static_cast<double>(asked_.size());
     if (const heddle_status status = frame.progress(done); status != HEDDLE_OK) return status;
-    return end < set_.elements.size() ? HEDDLE_MORE : keep(frame);
+    return end < asked_.size() ? HEDDLE_MORE : keep(frame);
   }
-  heddle_status save_state(const Frame& frame) const { return frame.keep_state(std::span<const Sums>(sums_)); }
+  heddle_status save_state(const Frame& frame) const {
+    const heddle_status status = frame.keep_state(std::span<const PartState>(parts_.states));
+    return status == HEDDLE_OK ? frame.keep_state(std::span<const Sums>(sums_)) : status;
+  }
   heddle_status load_state(const Frame& frame, std::span<const std::byte> state) {
     if (const heddle_status status = begin(frame); status != HEDDLE_OK) return status;
-    if (state.size() != sums_.size() * sizeof(Sums)) return HEDDLE_UNSUPPORTED;
-    if (!sums_.empty()) std::memcpy(sums_.data(), state.data(), state.size());
+    std::vector<PartState> states(parts_.states.size());
+    if (state.size() != states.size() + sums_.size() * sizeof(Sums)) return HEDDLE_UNSUPPORTED;
+    if (!states.empty()) std::memcpy(states.data(), state.data(), states.size());
+    if (!parts_.began_as(states)) return HEDDLE_UNSUPPORTED;
+    if (!sums_.empty()) std::memcpy(sums_.data(), state.data() + states.size(), sums_.size() * sizeof(Sums));
     return HEDDLE_OK;
   }
 
@@ -179,7 +181,6 @@ class RayTraced {
     settings.spacing = host.parameter("spacing");
     settings.inset = host.parameter("inset");
     set_ = make_elements(Meshes(host), settings);
-    sums_.assign(set_.elements.size(), {});
     directions_.clear();
     for (const glm::dvec3& s :
          directions(static_cast<std::uint32_t>(host.integer("directions")),
@@ -189,8 +190,14 @@ class RayTraced {
     heddle_alpha_test alpha = nullptr;
     if (const heddle_status status = frame.snapshot("surfaces", snapshot, alpha); status != HEDDLE_OK) return status;
     occluders_ = std::make_unique<Occluders>();
-    if (!occluders_->build(*snapshot, alpha, set_.origin))
-      return host.fail(HEDDLE_FAILED, "Embree: " + occluders_->error());
+    if (!occluders_->build(*snapshot, alpha, set_.origin)) return host.fail(HEDDLE_FAILED, occluders_->error());
+    PartRules rules;
+    rules.margin = 4 * occluders_->lift();  // rays start in front of their elements, and float32 moves both
+    rules.finds_open = host.toggle("find_open");
+    for (const char* name : {"directions", "set", "seed"}) rules.asked.push_back(host.parameter(name));
+    rules.asked.push_back(occluders_->lift());
+    if (const heddle_status status = parts_.begin(frame, set_, rules, sums_); status != HEDDLE_OK) return status;
+    asked_ = parts_.asked(set_);
     return HEDDLE_OK;
   }
 
@@ -223,6 +230,7 @@ class RayTraced {
   }
 
   heddle_status keep(const Frame& frame) {
+    if (const heddle_status status = parts_.keep(frame, set_, sums_); status != HEDDLE_OK) return status;
     const Blind blind = set_values(set_, sums_, frame.host().toggle("fill"), directions_.size());
     for (const std::string& remark : set_.remarks)
       if (const heddle_status status = frame.add_row("report", HEDDLE_SEVERITY_WARNING, remark); status != HEDDLE_OK)
@@ -232,6 +240,10 @@ class RayTraced {
                                                 {"directions", static_cast<double>(directions_.size())},
                                                 {"spacing", set_.spacing},
                                                 {"reached", set_.reached},
+                                                {"parts", static_cast<double>(set_.parts.size())},
+                                                {"parts_known", parts_.count(PartState::kKnown)},
+                                                {"parts_open", parts_.count(PartState::kOpen)},
+                                                {"pairs", static_cast<double>(asked_.size() * directions_.size())},
                                                 {"closed", static_cast<double>(blind.closed)},
                                                 {"without_side", static_cast<double>(blind.without_side)}});
     occluders_.reset();
@@ -240,6 +252,8 @@ class RayTraced {
   }
 
   ElementSet set_;
+  Parts parts_;
+  std::vector<std::uint32_t> asked_;  // elements
   std::vector<glm::vec3> directions_;
   std::vector<Sums> sums_;
   std::unique_ptr<Occluders> occluders_;

@@ -40,7 +40,7 @@ TEST_P(BakeVisibilityHardCases, H1AConvexBodyIsOpenEverywhere) {
   for (std::size_t body = 0; body < bodies.size(); ++body) {
     Scene scene;
     bodies[body](scene);
-    std::vector<std::string> settings{"elements=vertices", "directions=1024", "inset=0"};
+    std::vector<std::string> settings{"elements=vertices", "directions=1024", "inset=0", "find_open=false"};
     if (is_biased()) settings.emplace_back("resolution=256");
     const Result clamped = run(scene, settings);
     std::size_t acne = 0;
