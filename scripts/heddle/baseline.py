@@ -30,6 +30,7 @@ from .tune import most_accurate
 
 EXTENT = (64, 36)  # enough for every pass's edges, tiles and maps; a picture costs milliseconds
 SETTLE = 3  # frames, the first after a cut, for techniques with a past
+FUNCTION_IMAGE = "function_image"  # the role whose techniques are called as the roles that they show
 METRICS = ("rmse", "mean_difference", "maximum")
 # The first in which a pass runs counts; others follow in the order of their names.
 FIRST_SCENE = "cornell_box.py"
@@ -73,9 +74,11 @@ class Gauge:
     def measure(self, name: str) -> dict[str, Any]:
         """What a technique makes, or {"not_measured": why}. raises: Lost if its process ends"""
         technique = self.techniques[name]
-        passes = self.graphs.get(technique["role"], [])
+        # No shipped graph shows what a function answers: a pass is added to one that has the function, as studies do it.
+        role = technique["name"] if technique["role"] == FUNCTION_IMAGE else technique["role"]
+        passes = self.graphs.get(role, [])
         if not passes:
-            return {"not_measured": f"no shipped graph of frames has a pass of role '{technique['role']}'"}
+            return {"not_measured": f"no shipped graph of frames has a pass of role '{role}'"}
         refusals = []
         for scene in self.scenes:
             if missing := sorted(set(technique["features"]) - self.features(scene)):
@@ -99,7 +102,9 @@ class Gauge:
 
     def measure_in(self, technique: Mapping[str, Any], graph: str, pass_name: str, scene: str) -> dict[str, Any] | str:
         """A measurement, or why the pass does not run there."""
-        settings = [extent(), f"{pass_name}.technique={technique['name']}"]
+        settings = [extent()]
+        if technique["role"] != FUNCTION_IMAGE:
+            settings.append(f"{pass_name}.technique={technique['name']}")
         with self.worker(scene) as worker:
             try:
                 port, why = self.port_of(worker, technique, graph, pass_name, settings)
@@ -124,6 +129,10 @@ class Gauge:
     def port_of(self, worker: Open, technique: Mapping[str, Any], graph: str, pass_name: str,
                 settings: Sequence[str]) -> tuple[str | None, str]:
         """(image that shows what the pass does, with the graph loaded that makes it; why there is none)."""
+        if technique["role"] == FUNCTION_IMAGE:
+            adds = definition.with_function_image(self.host, graph, settings, technique["name"], pass_name)
+            worker.ask("load", point="it", graph=graph, settings=list(settings), keep=definition.FUNCTION_PORT, adds=adds)
+            return definition.FUNCTION_PORT, ""
         measure = self.roles[technique["role"]].get("measure") or {}
         named = f"{pass_name}.{measure['port']}" if measure.get("kind") == "image" and measure.get("port") else None
         worker.ask("load", point="it", graph=graph, settings=list(settings), keep=named)
