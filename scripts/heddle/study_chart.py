@@ -59,13 +59,18 @@ def draw(study: Study, rows: list[dict], folder: pathlib.Path) -> pathlib.Path |
     times = times_of(study)
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     figure, all_axes, foot = grid(plt, len(scenes), len(times), 6.2, 4.2, len(ladders_of(study)) + 3)
+    labels = []
     for i, scene in enumerate(scenes):
         for j, (quantity, label) in enumerate(times):
-            draw_scene(all_axes[i][j], study, [row for row in rows if row["scene"] == scene], quantity, metric)
+            labels.append((all_axes[i][j], draw_scene(
+                all_axes[i][j], study, [row for row in rows if row["scene"] == scene], quantity, metric)))
             all_axes[i][j].set(xlabel=label, title=scene)
         all_axes[i][0].set_ylabel(f"{metric} of {study.port} against the reference{unit_of(study, metric)}", fontsize=9)
     name_all(foot, all_axes)
     figure.suptitle(f"{study.title}\nmedians with 95 % intervals", fontsize=11)
+    figure.canvas.draw()  # gives axes their size
+    for axes, own in labels:
+        write_values(axes, own)
     return save(plt, figure, file)
 
 
@@ -166,9 +171,10 @@ def why_none(study: Study, rows: list[dict]) -> str:
     return WHY_NONE if is_any_drawn(study, rows) else NOTHING.format(metric=study.metrics[0])
 
 
-def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str) -> None:
+def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str) -> list[tuple[float, float, str]]:
+    """Answers where points lie and what is to be written beside them, by write_values() once the axes have their size."""
     found = {(row["variant"], row["knobs"], row["quantity"]): row for row in rows if row.get("value") is not None}
-    front, dominated, lane = [], [], []
+    front, dominated, lane, labels = [], [], [], []
     for number, ((variant, own_knobs), points) in enumerate(ladders_of(study).items()):
         drawn, exact = [], []
         style = {"capsize": 2, "color": COLORS[number % len(COLORS)], "marker": MARKERS[number % len(MARKERS)], "markersize": 5,
@@ -190,10 +196,8 @@ def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str)
         names = ", ".join(own_knobs)
         axes.errorbar(x, y, xerr=reaches([t for t, _, _ in drawn]), yerr=reaches([e for _, e, _ in drawn]), linewidth=1.2,
                       label=f"{variant} ({names})" if names else variant, **style)
-        for k, (time, error, values) in enumerate(drawn):
-            if values and (len(values) <= 12 or k in (0, len(drawn) - 1)):
-                axes.annotate(values, (time["value"], error["value"]), textcoords="offset points",
-                              xytext=(5, 5 if k % 2 == 0 else -10), fontsize=6.5)
+        labels += [(time["value"], error["value"], values if len(values) <= 12 or k in (0, len(drawn) - 1) else "")
+                   for k, (time, error, values) in enumerate(drawn)]
     if dominated:
         axes.plot([t["value"] for t, _, _ in dominated], [e["value"] for _, e, _ in dominated], "x", color="black", markersize=9,
                   label="dominated by a cheaper rung, beyond the noise")
@@ -209,6 +213,30 @@ def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str)
     plain_numbers(axes.xaxis)
     plain_numbers(axes.yaxis, least)
     axes.grid(True, which="both", alpha=0.25)
+    return labels
+
+
+LABEL_POINTS = 6.5  # of type
+# Where beside a point, in points of type; the first that is free.
+LABEL_PLACES = [(5, 4, "left", "bottom"), (5, -4, "left", "top"), (-5, 4, "right", "bottom"), (-5, -4, "right", "top"),
+                (0, 7, "center", "bottom"), (0, -7, "center", "top")]
+
+
+def write_values(axes, labels: list[tuple[float, float, str]]) -> None:
+    """Values beside their points, none over another one or over a point: what finds no room is left to the tables."""
+    scale = axes.figure.dpi / 72.0  # pixels of the screen in a point of type
+    places = [axes.transData.transform((x, y)) / scale for x, y, _ in labels]
+    taken = [(x - 3.5, y - 3.5, x + 3.5, y + 3.5) for x, y in places]
+    for (x, y), (at_x, at_y, text) in zip(places, labels):
+        width, height = 0.62 * LABEL_POINTS * len(text), 1.1 * LABEL_POINTS
+        for dx, dy, side, end in LABEL_PLACES if text else []:
+            left = x + dx - {"left": 0.0, "center": 0.5, "right": 1.0}[side] * width
+            low = y + dy - (height if end == "top" else 0.0)
+            box = (left, low, left + width, low + height)
+            if not any(box[0] < b[2] and b[0] < box[2] and box[1] < b[3] and b[1] < box[3] for b in taken):
+                taken.append(box)
+                axes.annotate(text, (at_x, at_y), textcoords="offset points", xytext=(dx, dy), ha=side, va=end, fontsize=LABEL_POINTS)
+                break
 
 
 def draw_lane(axes, lane: list[tuple[list[dict], str, dict]]) -> None:

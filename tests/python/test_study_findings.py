@@ -318,12 +318,50 @@ def test_a_ladder_has_a_line_of_its_own(host, tmp_path, monkeypatch):
     original = study_chart.draw_scene
 
     def seen(axes, *rest):
-        original(axes, *rest)
+        labels = original(axes, *rest)
         drawn.update(dict.fromkeys(axes.get_legend_handles_labels()[1]))
+        return labels
 
     monkeypatch.setattr(study_chart, "draw_scene", seen)
     study_chart.draw(study, rows, tmp_path)
     assert {"v (steps)", "v (directions)", "dominated by a cheaper rung, beyond the noise"} <= drawn.keys()
+
+
+def test_values_beside_points_lie_over_nothing(tmp_path):
+    from heddle import study_chart
+
+    plt = study_chart.pyplot()
+    figure, axes = plt.subplots(figsize=(4, 3))
+    axes.set(xscale="log", yscale="log", xlim=(1, 100), ylim=(0.1, 10))
+    labels = [(10 * 1.04**i, 1.0, str(2**i)) for i in range(10)] + [(2.0, 5.0, "alone")]  # ten points on 1.5 cm
+    figure.canvas.draw()
+    study_chart.write_values(axes, labels)
+    figure.canvas.draw()
+    boxes = {text.get_text(): text.get_window_extent() for text in axes.texts}
+    places = [axes.transData.transform((x, y)) for x, y, _ in labels]
+    assert "alone" in boxes and len(boxes) >= 4
+    for name, box in boxes.items():
+        assert not any(box.overlaps(other) for rest, other in boxes.items() if rest != name)
+        assert not any(box.contains(x, y) for x, y in places)
+    plt.close(figure)
+
+
+def test_a_point_without_error_has_a_lane_of_its_own(host, tmp_path, monkeypatch):
+    from heddle import study_chart
+
+    study = dataclasses.replace(read(host, tmp_path, FILE), metrics=("rmse",), unit="cd/m^2")
+    rows = [{"scene": "box", "variant": "v", "knobs": point.name[2:], "quantity": quantity, "value": value, "low": value, "high": value}
+            for i, point in enumerate(study.points) for quantity, value in (("frame", 2.0 + i), ("rmse", float(i)))]
+    drawn = []
+    monkeypatch.setattr(study_chart, "save", lambda plt, figure, file: drawn.append(figure) or file)
+    assert study_chart.draw(study, rows, tmp_path) is not None
+    axes = drawn[0].axes[0]
+    assert axes.get_ylabel().endswith("[cd/m²]") and "v: without error" in axes.get_legend_handles_labels()[1]
+    # The lane is below all points that have an error, and 0 is written beside it.
+    errors = [each for each in (row["value"] for row in rows if row["quantity"] == "rmse") if each > 0]
+    assert axes.transAxes.inverted().transform(axes.transData.transform((2.0, min(errors))))[1] > 0.09
+    assert [text.get_text() for text in axes.texts][0] == "0"
+    study_chart.pyplot().close(drawn[0])
 
 
 def lit_study(host, tmp_path, arguments):
