@@ -330,6 +330,7 @@ def baseline(arguments: argparse.Namespace, stop: Callable[[], None]) -> int:
     with tempfile.TemporaryDirectory() as scratch, Host(arguments.device, log=lambda *_: None) as host:
         gauge = Gauge(host, arguments, pathlib.Path(scratch) / "workers.log", stop)
         names = wanted(arguments.files, list(gauge.techniques))
+        waiting: list[tuple[str, dict[str, Any]]] = []
         for name in names:
             stop()
             say(f"{name}")
@@ -343,14 +344,17 @@ def baseline(arguments: argparse.Namespace, stop: Callable[[], None]) -> int:
                 folder = top / folder_name(fingerprint(gauge.device))
                 if arguments.action == "check":
                     check_folder(folder, top)
+            waiting.append((name, now))
             if folder is None:  # nothing was rendered yet, so nobody knows on what
                 say(f"{name}: {now['not_measured']}")
                 continue
-            count += 1
-            said = record(folder, name, now) if arguments.action == "record" else check(folder, name, now, arguments.tolerance)
-            differing += bool(said)
-            for line in said:
-                print(f"{name}: {line}")
+            for each, made in waiting:
+                count += 1
+                said = record(folder, each, made) if arguments.action == "record" else check(folder, each, made, arguments.tolerance)
+                differing += bool(said)
+                for line in said:
+                    print(f"{each}: {line}")
+            waiting.clear()
         if folder is None:
             raise Error(4, "error: nothing could be rendered, so there is nothing to keep or to compare")
         if arguments.action == "record":
