@@ -259,7 +259,8 @@ def plain_numbers(axis, least: float = 0.0) -> None:
 
     low, high = axis.get_view_interval()
     decades = abs(math.log10(high / low)) if low > 0 and high > 0 else 1
-    axis.set_minor_locator(ticker.LogLocator(subs=tuple(range(2, 10)) if decades < 1 else (2, 5), numticks=50))
+    halves = tuple(n / 2 for n in range(3, 20))
+    axis.set_minor_locator(ticker.LogLocator(subs=halves if decades < 0.6 else halves[1::2] if decades < 1 else (2, 5), numticks=50))
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if value >= least else ""))
     axis.set_minor_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if value >= least and decades < 4 else ""))
     axis.set_tick_params(which="both", labelsize=8, length=3.5, pad=3.5)  # else numbers stand in two lines
