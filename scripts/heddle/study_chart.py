@@ -253,17 +253,24 @@ def draw_lane(axes, lane: list[tuple[list[dict], str, dict]]) -> None:
     axes.set_ylim(low * (low / high) ** (1.2 * height), high)
 
 
+MOST_NUMBERS = 9  # along an axis
+
+
 def plain_numbers(axis, least: float = 0.0) -> None:
-    """0.02 and 50 instead of powers of ten; between these as many as there is room for. Below `least` there are none."""
+    """0.02 and 50 instead of powers of ten; between these the finest even steps for which there is room. Below `least` there
+    are none."""
     from matplotlib import ticker
 
     low, high = axis.get_view_interval()
-    decades = abs(math.log10(high / low)) if low > 0 and high > 0 else 1
-    halves = tuple(n / 2 for n in range(3, 20))
-    axis.set_minor_locator(ticker.LogLocator(subs=halves if decades < 0.6 else halves[1::2] if decades < 1 else (2, 5), numticks=50))
+    steps: tuple[float, ...] = ()
+    for steps in (tuple(n / 5 for n in range(5, 50)), tuple(n / 2 for n in range(2, 20)), tuple(range(1, 10)), (1, 2, 5), (1,)):
+        decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1) if 0 < low < high else range(0)
+        if sum(low <= step * 10.0**decade <= high for decade in decades for step in steps) <= MOST_NUMBERS:
+            break
+    axis.set_major_locator(ticker.LogLocator(subs=steps, numticks=50))
+    axis.set_minor_locator(ticker.NullLocator())
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if value >= least else ""))
-    axis.set_minor_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if value >= least and decades < 4 else ""))
-    axis.set_tick_params(which="both", labelsize=8, length=3.5, pad=3.5)  # else numbers stand in two lines
+    axis.set_tick_params(which="both", labelsize=8)
 
 
 def reaches(rows: list[dict]) -> list[list[float]]:
