@@ -157,7 +157,8 @@ TEST(FunctionImage, ShadowIsTheMeanOverLightsByWhatTheySend) {
         ASSERT_NEAR(image.at(x, y), below, 1e-5) << x << ", " << y;
         ++dark;
       } else if (edge > 0.1 && p.z > 0.0 && p.z < 4.0) {
-        ASSERT_EQ(image.at(x, y), 1.0F) << x << ", " << y;
+        // A weighted mean of ones: dividing by the weights may be off by 2.5 units in the last place.
+        ASSERT_NEAR(image.at(x, y), 1.0F, 3 * 0x1p-23) << x << ", " << y;
         ++lit;
       }
     }
