@@ -408,6 +408,9 @@ def test_json_says_what_the_table_does(finished):
     assert len(report["rows"]) == len(table(finished))
     assert report["machine"]["processors"] == os.cpu_count()
     assert set(report["restless"]) == {"cornell_box front"}
+    spent = {each["part"]: each for each in report["spent"]}
+    assert {"warm-up", "errors", "rounds", "passes"} <= spent.keys() and all(each["processor_s"] > 0 for each in (
+        spent["errors"], spent["rounds"]))  # of the variants' processes, or hardly anything were used
     assert {row["machine"] for row in report["rows"]} == set(report["machines"])
     assert all(each["devices"] and each["build"]["version"] == heddle.version() for each in report["machines"].values())
 
@@ -556,6 +559,21 @@ def test_the_estimate_is_of_what_is_not_measured_yet(host, tmp_path):
     assert scene.estimate_seconds() == 7 * 2 * 2 * (2 * 1 + 3) + (profiles + images) * (1 + 2)
     machine.width = 4
     assert scene.estimate_seconds() == 7 * 2 * 2 * (2 * 1 + 3) + (profiles + images / 4) * (1 + 2)
+
+
+@pytest.mark.parametrize(("first_ms", "frames"), [(30.0, 32), (100.0, 22), (300.0, 12)])
+def test_a_warm_up_waits_for_no_machine(tmp_path, first_ms, frames):
+    """Of frames that never stop changing: as long as it may be the process itself, and no longer."""
+    residents = study_items.Residents({}, None, 1.0, tmp_path, lambda: None, study_items.Contents())
+    shown = [0]
+
+    def ask(of, do, **arguments):
+        shown[0] += arguments["frames"]
+        return {"ms": [first_ms * 1.1**(n // 5) for n in range(shown[0] - arguments["frames"], shown[0])]}
+
+    residents.load, residents._ask = lambda item, point: None, ask
+    found = residents.warm_point({"point": {"name": "p", "owner": "v"}})
+    assert (found["frames"], found["warm_after"], shown[0]) == (frames, None, frames)
 
 
 def test_one_study_times_at_once(tmp_path):
