@@ -37,7 +37,12 @@ float depth_bias(float h, float slope, float constant_part, float limit) {
 
 bool is_open(float element_depth, float map_depth, float bias, float steps) {
   precise float stored = map_depth;
-  if (steps > 0.0f) stored = floor(map_depth * steps + 0.5f) / steps;
+  if (steps > 0.0f) {
+    // Not floor(x + 0.5): with 24 bits of steps the sum has no room for a half.
+    precise float scaled = map_depth * steps;
+    float whole = floor(scaled);
+    stored = (scaled - whole >= 0.5f ? whole + 1.0f : whole) / steps;
+  }
   precise float reach = element_depth + bias;
   return reach >= stored;
 }

@@ -35,14 +35,14 @@ constexpr const char* kPipelines[] = {"float_sums", "split_ramp", "gpu_compare",
 enum : std::uint32_t { kFloatSums, kSplitRamp, kGpuCompare, kCpuCompare };
 constexpr const char* kElementKinds[] = {"lattice", "vertices", "texels", nullptr};
 constexpr const char* kSets[] = {"fibonacci", "random", nullptr};
-constexpr const char* kDepthFormats[] = {"d32", "d16", "d8", nullptr};
-enum : std::uint32_t { kD32, kD16, kD8 };
+constexpr const char* kDepthFormats[] = {"d32", "d16", "d8", "d24", nullptr};
+enum : std::uint32_t { kD32, kD16, kD8, kD24 };
 constexpr const char* kCasters[] = {"both_sides", "fronts", nullptr};
 
 constexpr double kDirectionLadder[] = {64, 256, 1024, 4096};
 constexpr double kResolutionLadder[] = {256, 512, 1024, 2048};
 constexpr double kSpacingLadder[] = {1, 0.5, 0.25, 0.125};
-constexpr double kFormatLadder[] = {2, 1, 0};
+constexpr double kFormatLadder[] = {2, 1, 3, 0};
 constexpr heddle_parameter kParameters[] = {
     knob(integer("directions", "1", 1, 16384, 512, "over the whole sphere, shared by all elements"), kDirectionLadder),
     knob(integer("resolution", "px", 16, 4096, 1024, "side of a depth map", HEDDLE_PARAMETER_REDECLARE),
@@ -59,7 +59,7 @@ constexpr heddle_parameter kParameters[] = {
     parameter("bias", "px", 0, 16, 1, "texels of a depth map along the surface that an element reaches over"),
     parameter("bias_limit", "1", 0, 1000, 8,
               "largest slope that the bias follows; 0: all, and leaks at grazing angles"),
-    knob(choice("depth_format", kDepthFormats, 0, "float32, or 16 or 8 bits over the scene's diameter",
+    knob(choice("depth_format", kDepthFormats, 0, "float32, or 24, 16 or 8 bits over the scene's diameter",
                 HEDDLE_PARAMETER_REDECLARE),
          kFormatLadder),
     choice("casters", kCasters, 0, "what occludes of surfaces that are not double-sided: both sides, or fronts alone"),
@@ -263,15 +263,15 @@ class DepthMaps {
     const std::uint32_t format = host.choice("depth_format");
     // README equation (4): depth is 1 over the length of a view.
     const double texel = 2.0 * half_size_ / host.integer("resolution");
-    const double step = format == kD16 ? 1.0 / 65535 : format == kD8 ? 1.0 / 255 : 0.0;
+    const double steps = format == kD16 ? 65535 : format == kD8 ? 255 : format == kD24 ? 16777215 : 0;
     BakePush push{};
     push.element_count = static_cast<std::uint32_t>(set_.elements.size());
     push.first_direction = first;
     push.direction_count = count;
     push.bias_slope = static_cast<float>(host.parameter("bias") * texel / length_);
-    push.bias_constant = static_cast<float>(kRounding + step);
+    push.bias_constant = static_cast<float>(kRounding + (steps > 0 ? 1 / steps : 0.0));
     push.bias_limit = static_cast<float>(host.parameter("bias_limit"));
-    push.depth_steps = format == kD8 ? 255.0F : 0.0F;
+    push.depth_steps = format == kD8 || format == kD24 ? static_cast<float>(steps) : 0.0F;
     return push;
   }
 

@@ -146,23 +146,37 @@ TEST(DepthMaps, MissLessOfWhatRaysSeeTheFinerTheyAre) {
 }
 
 TEST(DepthMaps, CoarseDepthLosesContacts) {
-  // A thin board 8 mm above a floor: what is under its middle sees nothing, unless that is below a step of depth.
-  Scene scene;
-  scene.add_floor(dvec3(0), 1);
-  scene.add_box(dvec3(-0.9, 0.008, -0.9), dvec3(0.9, 0.009, 0.9));
-  for (const auto& [format, is_seen] : {std::pair("d32", true), std::pair("d16", true), std::pair("d8", false)}) {
-    const Result result =
-        bake(scene, "depth_maps",
-             {"spacing=0.25", "resolution=1024", "directions=64", "fill=false", std::string("depth_format=") + format});
-    double middle = 1;
-    for (const Point& p : points(result.baked, 0))
-      if (glm::length(p.position) < 0.01) middle = p.visibility;
-    fmt::print("{}: {:.3f} under the board\n", format, middle);
-    if (is_seen)
-      EXPECT_LT(middle, 0.05) << format;
-    else
-      EXPECT_GT(middle, 0.2) << format << ": a step is 2.8 m / 255";
+  // A board over a floor: what is under its middle sees nothing, unless that is below a step of depth.
+  const std::vector<std::string> formats{"d32", "d24", "d16", "d8"};
+  std::map<std::pair<double, std::string>, double> seen;
+  for (const double gap : {0.1, 0.03, 0.008, 0.003, 0.001, 1e-4}) {
+    Scene scene;
+    scene.add_floor(dvec3(0), 1);
+    scene.add_floor(dvec3(0, gap, 0), 0.9);  // of no thickness, as maps hold what lies uppermost
+    std::string row = fmt::format("{:6} m:", gap);
+    for (const std::string& format : formats) {
+      const Result result =
+          bake(scene, "depth_maps",
+               {"spacing=2", "resolution=512", "directions=64", "fill=false", "depth_format=" + format});
+      double& middle = seen[{gap, format}] = 1;
+      for (const Point& p : points(result.baked, 0))
+        if (glm::length(p.position) < 0.01) middle = p.visibility;
+      row += fmt::format(" {} {:.3f}", format, middle);
+    }
+    fmt::print("{}\n", row);
+    // What has fewer steps sees less of what is near.
+    for (std::size_t f = 1; f < formats.size(); ++f)
+      EXPECT_GE((seen[{gap, formats[f]}]), (seen[{gap, formats[f - 1]}])) << gap << ' ' << formats[f];
   }
+  // A step of 8 bits is 2.9 m / 255. From 16 bits on, 0.04 mm, what decides is the bias of a texel, 5.7 mm.
+  EXPECT_LT((seen[{0.03, "d8"}]), 0.05);
+  EXPECT_GT((seen[{0.008, "d8"}]), 0.2);
+  for (const double gap : {0.1, 0.03, 0.008, 0.003, 0.001, 1e-4}) {
+    EXPECT_NEAR((seen[{gap, "d16"}]), (seen[{gap, "d32"}]), 0.02) << gap;
+    EXPECT_NEAR((seen[{gap, "d24"}]), (seen[{gap, "d32"}]), 0.001) << gap;
+  }
+  EXPECT_LT((seen[{0.008, "d16"}]), 0.05);
+  EXPECT_GT((seen[{0.003, "d32"}]), 0.5);
 }
 
 /// A box with an atlas of six charts in 3 x 2 cells, each with a margin.
