@@ -87,6 +87,15 @@ using Reason = std::array<char, 1024>;
               Diagnostic{Severity::kError, {std::string(file), 0, 0}, std::move(message), std::move(found), "", ""});
 }
 
+/// Known before OpenImageIO is: its message for a missing file speaks of plugins.
+void require_file(const std::filesystem::path& file) {
+  std::error_code error_code;
+  if (!std::filesystem::is_regular_file(file, error_code)) {
+    throw Error(HEDDLE_BAD_INPUT,
+                Diagnostic{Severity::kError, {file.string(), 0, 0}, "there is no such image", "", "", ""});
+  }
+}
+
 /// Kind of file by its first bytes, "" if it is none that a texture may be.
 const char* extension_of(std::span<const std::byte> bytes) {
   struct Magic {
@@ -117,12 +126,7 @@ const char* extension_of(std::span<const std::byte> bytes) {
 }  // namespace
 
 Image read(const std::filesystem::path& file) {
-  // Known before OpenImageIO is: its message for a missing file speaks of plugins.
-  std::error_code error_code;
-  if (!std::filesystem::is_regular_file(file, error_code)) {
-    throw Error(HEDDLE_BAD_INPUT,
-                Diagnostic{Severity::kError, {file.string(), 0, 0}, "there is no such image", "", "", ""});
-  }
+  require_file(file);
   const heddle_image_module& images = module();
   heddle_image_pixels pixels{};
   Reason reason{};
@@ -135,6 +139,78 @@ Image read(const std::filesystem::path& file) {
   const auto* values = static_cast<const float*>(pixels.data);
   image.pixels.assign(values, values + std::size_t{pixels.width} * pixels.height * pixels.channels);
   return image;
+}
+
+struct OpenImage::State {
+  std::filesystem::path file;
+  const heddle_image_module* module = nullptr;
+  heddle_image_source* source = nullptr;
+  std::mutex mutex;  // the module reads one part at a time
+
+  [[noreturn]] void fail_to_read(heddle_status status, const Reason& reason) const {
+    fail(status, file.string(), "the image cannot be read", reason.data());
+  }
+  [[nodiscard]] heddle_image_source_level level(std::uint32_t number) const {
+    heddle_image_source_level level{};
+    Reason reason{};
+    if (const heddle_status status = module->level(source, number, &level, reason.data(), reason.size());
+        status != HEDDLE_OK)
+      fail_to_read(status, reason);
+    return level;
+  }
+};
+
+OpenImage::OpenImage(const std::filesystem::path& file) : state_(std::make_unique<State>()) {
+  require_file(file);
+  state_->file = file;
+  state_->module = &module();
+  Reason reason{};
+  if (const heddle_status status = state_->module->open(file.c_str(), &state_->source, reason.data(), reason.size());
+      status != HEDDLE_OK)
+    state_->fail_to_read(status, reason);
+}
+
+OpenImage::~OpenImage() {
+  if (state_->source != nullptr) state_->module->close(state_->source);
+}
+
+heddle_image_level OpenImage::level(std::uint32_t level) const {
+  const std::lock_guard lock(state_->mutex);
+  const heddle_image_source_level found = state_->level(level);
+  heddle_image_level out{};
+  out.struct_size = sizeof out;
+  out.width = found.width;
+  out.height = found.height;
+  out.channels = found.channels;
+  out.block_width = found.block_width;
+  out.block_height = found.block_height;
+  out.level_count = found.level_count;
+  out.sample_bits = found.sample_bits;
+  out.is_float = found.is_float;
+  return out;
+}
+
+void OpenImage::read(const heddle_image_part& part, void* out, std::uint64_t row_bytes) const {
+  const std::lock_guard lock(state_->mutex);
+  const heddle_image_source_level level = state_->level(part.level);
+  const std::uint64_t pixel = part.samples == HEDDLE_IMAGE_FLOATS ? 4 * sizeof(float) : 4;
+  if (std::uint64_t{part.x} + part.width > level.width || std::uint64_t{part.y} + part.height > level.height ||
+      part.samples > HEDDLE_IMAGE_FLOATS || row_bytes < pixel * part.width)
+    throw Error(HEDDLE_BUG, Diagnostic{Severity::kError,
+                                       {state_->file.string(), 0, 0},
+                                       "a part is asked for that the image does not have, or that its rows cannot hold",
+                                       fmt::format("{} x {} pixels at ({}, {}), rows of {} bytes", part.width,
+                                                   part.height, part.x, part.y, row_bytes),
+                                       fmt::format("a part of {} x {} pixels", level.width, level.height),
+                                       ""});
+  if (part.width == 0 || part.height == 0) return;
+  const std::uint32_t rectangle[4] = {part.x, part.y, part.width, part.height};
+  Reason reason{};
+  if (const heddle_status status =
+          state_->module->read_part(state_->source, part.level, rectangle, part.samples == HEDDLE_IMAGE_FLOATS ? 1 : 0,
+                                    out, row_bytes, reason.data(), reason.size());
+      status != HEDDLE_OK)
+    state_->fail_to_read(status, reason);
 }
 
 Image8 decode8(std::span<const std::byte> file_bytes, std::string_view name, std::uint64_t maximum_texels) {

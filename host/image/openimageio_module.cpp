@@ -10,9 +10,15 @@
 #include <memory>
 #include <new>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "image/module.h"
+
+struct heddle_image_source {
+  std::unique_ptr<OIIO::ImageInput> input;
+  std::vector<OIIO::ImageSpec> levels;
+};
 
 namespace {
 
@@ -157,8 +163,148 @@ void release(heddle_image_pixels* pixels) {
   *pixels = {};
 }
 
-constexpr heddle_image_module kModule = {
-    sizeof(heddle_image_module), HEDDLE_IMAGE_MODULE_REVISION, read, decode8, write, release};
+// A row of blocks of a file that claims more is broken or hostile.
+constexpr std::uint64_t kMostBlockRow = 1ULL << 29;
+// Rows of files without blocks are read so many bytes at a time: files that are packed in bands of rows are then not
+// unpacked again for each row.
+constexpr std::uint64_t kRowBytes = 8ULL << 20;
+
+heddle_status open(const char* path, heddle_image_source** out, char* error, size_t error_size) {
+  return guard(error, error_size, [&] {
+    const OIIO::ImageSpec config = as_stored();
+    auto input = OIIO::ImageInput::open(path, &config);
+    if (!input) {
+      return fail(error, error_size, OIIO::geterror());
+    }
+    auto source = std::make_unique<heddle_image_source>();
+    source->input = std::move(input);
+    source->levels.push_back(source->input->spec());
+    while (source->levels.size() < 32 && source->input->seek_subimage(0, static_cast<int>(source->levels.size()))) {
+      source->levels.push_back(source->input->spec());
+    }
+    (void)source->input->geterror();  // of the level after the last
+    for (const OIIO::ImageSpec& spec : source->levels) {
+      if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1) {
+        return fail(error, error_size, "it has no pixels");
+      }
+      const std::uint64_t row =
+          static_cast<std::uint64_t>(spec.width + std::max(spec.tile_width, 0)) * 4 * sizeof(float);
+      if (spec.depth > 1 || spec.nchannels > 64 ||
+          row * static_cast<std::uint64_t>(std::max(spec.tile_height, 1)) > kMostBlockRow) {
+        return fail(error, error_size,
+                    "it is deeper than one pixel, has more than 64 channels, or a row of its blocks needs more than " +
+                        std::to_string(kMostBlockRow >> 20) + " MiB");
+      }
+    }
+    *out = source.release();
+    return HEDDLE_OK;
+  });
+}
+
+heddle_status level(heddle_image_source* source, uint32_t level, heddle_image_source_level* out, char* error,
+                    size_t error_size) {
+  return guard(error, error_size, [&] {
+    if (level >= source->levels.size()) {
+      return fail(error, error_size,
+                  "level " + std::to_string(level) + " of " + std::to_string(source->levels.size()) + " is asked for");
+    }
+    const OIIO::ImageSpec& spec = source->levels[level];
+    const bool is_tiled = spec.tile_width > 0;
+    *out = {static_cast<std::uint32_t>(spec.width),
+            static_cast<std::uint32_t>(spec.height),
+            static_cast<std::uint32_t>(spec.nchannels),
+            static_cast<std::uint32_t>(is_tiled ? spec.tile_width : spec.width),
+            static_cast<std::uint32_t>(is_tiled ? spec.tile_height : 1),
+            static_cast<std::uint32_t>(8 * spec.format.basesize()),
+            spec.format.is_floating_point() ? 1U : 0U,
+            static_cast<std::uint32_t>(source->levels.size())};
+    return HEDDLE_OK;
+  });
+}
+
+/// Grey spreads to colour, absent alpha is one, further channels are left out.
+template <typename Sample>
+void expand(const Sample* from, size_t channels, size_t count, Sample opaque, Sample* to) {
+  for (size_t i = 0; i < count; ++i, from += channels, to += 4) {
+    to[0] = from[0];
+    to[1] = channels < 3 ? from[0] : from[1];
+    to[2] = channels < 3 ? from[0] : from[2];
+    to[3] = channels == 2 ? from[1] : channels == 4 ? from[3] : opaque;
+  }
+}
+
+template <typename Sample>
+heddle_status read_rows(heddle_image_source& source, std::uint32_t number, const uint32_t* rectangle, std::byte* out,
+                        size_t row_bytes, char* error, size_t error_size) {
+  const OIIO::ImageSpec& spec = source.levels[number];
+  const auto width = static_cast<std::int64_t>(spec.width), height = static_cast<std::int64_t>(spec.height);
+  const std::int64_t x = rectangle[0], y = rectangle[1], end_x = x + rectangle[2], end_y = y + rectangle[3];
+  const int channels = std::min(spec.nchannels, 4), mip = static_cast<int>(number);
+  const OIIO::TypeDesc type = std::is_same_v<Sample, float> ? OIIO::TypeDesc::FLOAT : OIIO::TypeDesc::UINT8;
+  const bool is_tiled = spec.tile_width > 0;
+  // Columns and rows that are decoded: whole blocks.
+  const std::int64_t block_x = is_tiled ? spec.tile_width : width;
+  const std::int64_t first_x = x / block_x * block_x,
+                     last_x = std::min(width, (end_x + block_x - 1) / block_x * block_x);
+  const auto columns = static_cast<size_t>(last_x - first_x);
+  const size_t row_size = columns * static_cast<size_t>(channels) * sizeof(Sample);
+  const std::int64_t block_y =
+      is_tiled ? spec.tile_height : std::clamp<std::int64_t>(static_cast<std::int64_t>(kRowBytes / row_size), 1, 256);
+  // OpenImageIO turns bytes into floats by a multiplication; 0..1 as stored means the quotient, rounded once.
+  const bool is_quotient =
+      std::is_same_v<Sample, float> && spec.format == OIIO::TypeDesc::UINT8 && spec.channelformats.empty();
+  std::vector<Sample> decoded(columns * static_cast<size_t>(channels) * static_cast<size_t>(std::min(block_y, height)));
+  std::vector<std::uint8_t> bytes(is_quotient ? decoded.size() : 0);
+  void* target = is_quotient ? static_cast<void*>(bytes.data()) : decoded.data();
+  const OIIO::TypeDesc asked = is_quotient ? OIIO::TypeDesc::UINT8 : type;
+  for (std::int64_t at = is_tiled ? y / block_y * block_y : y; at < end_y; at += block_y) {
+    const std::int64_t end = std::min(at + block_y, is_tiled ? height : end_y);
+    const int top = static_cast<int>(at) + spec.y, bottom = static_cast<int>(end) + spec.y;
+    const bool is_read = is_tiled ? source.input->read_tiles(0, mip, static_cast<int>(first_x) + spec.x,
+                                                             static_cast<int>(last_x) + spec.x, top, bottom, 0, 1, 0,
+                                                             channels, asked, target)
+                                  : source.input->read_scanlines(0, mip, top, bottom, 0, 0, channels, asked, target);
+    if (!is_read) {
+      return fail(error, error_size, source.input->geterror());
+    }
+    std::transform(bytes.begin(), bytes.end(), decoded.begin(),
+                   [](std::uint8_t value) { return static_cast<Sample>(static_cast<float>(value) / 255.0F); });
+    const auto opaque = static_cast<Sample>(std::is_same_v<Sample, float> ? 1 : 255);
+    for (std::int64_t row = std::max(at, y); row < std::min(end, end_y); ++row) {
+      const Sample* from =
+          decoded.data() +
+          (static_cast<size_t>(row - at) * columns + static_cast<size_t>(x - first_x)) * static_cast<size_t>(channels);
+      auto* to = reinterpret_cast<Sample*>(out + static_cast<size_t>(row - y) * row_bytes);
+      expand(from, static_cast<size_t>(channels), rectangle[2], opaque, to);
+    }
+  }
+  return HEDDLE_OK;
+}
+
+heddle_status read_part(heddle_image_source* source, uint32_t level, const uint32_t x_y_width_height[4],
+                        uint32_t is_float, void* out, size_t row_bytes, char* error, size_t error_size) {
+  return guard(error, error_size, [&] {
+    auto* bytes = static_cast<std::byte*>(out);
+    return is_float != 0
+               ? read_rows<float>(*source, level, x_y_width_height, bytes, row_bytes, error, error_size)
+               : read_rows<std::uint8_t>(*source, level, x_y_width_height, bytes, row_bytes, error, error_size);
+  });
+}
+
+void close(heddle_image_source* source) {
+  delete source;
+}
+
+constexpr heddle_image_module kModule = {sizeof(heddle_image_module),
+                                         HEDDLE_IMAGE_MODULE_REVISION,
+                                         read,
+                                         decode8,
+                                         write,
+                                         release,
+                                         open,
+                                         level,
+                                         read_part,
+                                         close};
 
 }  // namespace
 
