@@ -108,6 +108,8 @@ void Executor::State::scan_outputs(std::uint32_t index) {
     ResourceState& state = root(bound->second);
     if (!state.image || state.layout == VK_IMAGE_LAYOUT_UNDEFINED) continue;
     const vulkan::ImageShape& shape = state.image.shape();
+    // Compressed texels are numbers within their range whatever their bits are.
+    if (vulkan::format_info(shape.format).block_bytes != 0) continue;
     barrier_between_all(vk, commands, state.image, state.layout, VK_IMAGE_LAYOUT_TRANSFER_SRC_OPTIMAL);
     // Layers of an attachment that nobody drew this frame (a shadow atlas with room left) hold nothing that was meant.
     const auto drawn = drawn_layers.find(state.root);

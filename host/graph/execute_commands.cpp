@@ -181,8 +181,8 @@ heddle_status map(const heddle_pass_host* self, heddle_frame* frame, const char*
     filled.data = data;
     filled.frame = mapping.frame;
     fill_shape(executor, executor.pass_of(pass), port, filled.shape);
-    filled.row_bytes =
-        std::uint64_t{filled.shape.width} * vulkan::format_info(static_cast<VkFormat>(filled.shape.format)).texel_bytes;
+    // Of a compressed image: of a row of blocks.
+    filled.row_bytes = vulkan::image_bytes(static_cast<VkFormat>(filled.shape.format), filled.shape.width, 1);
     std::memcpy(out, &filled, filled.struct_size);
     return HEDDLE_OK;
   }

@@ -135,7 +135,7 @@ void Executor::State::clear_image(ResourceState& state, const Resource& resource
   VkImageMemoryBarrier2 barrier{VK_STRUCTURE_TYPE_IMAGE_MEMORY_BARRIER_2};
   barrier.srcStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
   barrier.srcAccessMask = VK_ACCESS_2_MEMORY_WRITE_BIT;
-  barrier.dstStageMask = VK_PIPELINE_STAGE_2_CLEAR_BIT;
+  barrier.dstStageMask = VK_PIPELINE_STAGE_2_CLEAR_BIT | VK_PIPELINE_STAGE_2_COPY_BIT;
   barrier.dstAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
   barrier.newLayout = VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL;
   barrier.srcQueueFamilyIndex = VK_QUEUE_FAMILY_IGNORED;
@@ -151,6 +151,15 @@ void Executor::State::clear_image(ResourceState& state, const Resource& resource
     const VkClearDepthStencilValue depth{0.0F, 0};
     vk.CmdClearDepthStencilImage(commands, state.image.handle(), VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL, &depth, 1,
                                  &barrier.subresourceRange);
+  } else if (vulkan::format_info(static_cast<VkFormat>(resource.format)).block_bytes != 0) {
+    // Compressed images cannot be cleared; blocks of zeros are black.
+    const std::vector<VkBufferImageCopy> regions = all_mips(resource);
+    vulkan::Buffer zeros = device->make_buffer(bytes_of(regions, resource), VK_BUFFER_USAGE_TRANSFER_SRC_BIT, true);
+    std::memset(zeros.data(), 0, zeros.size());
+    device->note_host_write(zeros);
+    vk.CmdCopyBufferToImage(commands, zeros.handle(), state.image.handle(), VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
+                            static_cast<std::uint32_t>(regions.size()), regions.data());
+    frame_buffers.push_back(std::move(zeros));
   } else {
     VkClearColorValue color{};
     for (std::size_t i = 0; i < 4; ++i) color.float32[i] = static_cast<float>(value[i]);
@@ -396,8 +405,8 @@ void Executor::State::write_neutral(PassState& state, const ScheduledStage& stag
 
 namespace {
 
-std::uint64_t texel_bytes(const Resource& resource) {
-  return vulkan::format_info(static_cast<VkFormat>(resource.format)).texel_bytes;
+std::uint64_t level_bytes(const Resource& resource, const VkExtent3D& extent) {
+  return vulkan::image_bytes(static_cast<VkFormat>(resource.format), extent.width, extent.height);
 }
 
 }  // namespace
@@ -411,7 +420,7 @@ std::vector<VkBufferImageCopy> all_mips(const Resource& resource) {
     region.bufferOffset = offset;
     region.imageSubresource = {aspect_of(resource.format), mip, 0, layers};
     region.imageExtent = {std::max(resource.width >> mip, 1U), std::max(resource.height >> mip, 1U), 1};
-    offset += texel_bytes(resource) * region.imageExtent.width * region.imageExtent.height * layers;
+    offset += level_bytes(resource, region.imageExtent) * layers;
     regions.push_back(region);
   }
   return regions;
@@ -419,8 +428,7 @@ std::vector<VkBufferImageCopy> all_mips(const Resource& resource) {
 
 std::uint64_t bytes_of(const std::vector<VkBufferImageCopy>& regions, const Resource& resource) {
   const VkBufferImageCopy& last = regions.back();
-  return last.bufferOffset +
-         texel_bytes(resource) * last.imageExtent.width * last.imageExtent.height * last.imageSubresource.layerCount;
+  return last.bufferOffset + level_bytes(resource, last.imageExtent) * last.imageSubresource.layerCount;
 }
 
 void Executor::State::run_cpu_stage(PassState& state, const ScheduledStage& scheduled, heddle_frame& frame) {

@@ -68,7 +68,7 @@ void Executor::State::look_at_outputs(std::uint32_t index) {
     if (!state.image || state.layout == VK_IMAGE_LAYOUT_UNDEFINED) continue;
     const vulkan::ImageShape& shape = state.image.shape();
     Look look{index, use.resource, shape.layers, {}};
-    if (is_of_the_frame(graph, use.resource)) {
+    if (is_of_the_frame(graph, use.resource) && vulkan::format_info(shape.format).block_bytes == 0) {
       look.texels =
           device->make_buffer(kLookStride * pixels.size() * shape.layers, VK_BUFFER_USAGE_TRANSFER_DST_BIT, true);
       std::vector<VkBufferImageCopy> regions;

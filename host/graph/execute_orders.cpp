@@ -265,8 +265,10 @@ CheckReport Executor::check(const scene::Scene& scene, const FrameOptions& optio
             picture.bytes.begin());
         const auto format = static_cast<VkFormat>(s.graph.resources[s.resources[picture.resource].root].format);
         const vulkan::FormatInfo info = vulkan::format_info(format);
-        const std::size_t texel = at / info.texel_bytes;
+        const std::size_t texel = at / std::max(info.texel_bytes, 1U);
         const auto texel_text = [&](const Picture& of) {
+          if (info.texel_bytes == 0)
+            return fmt::format("{:02x} at byte {}", std::to_integer<unsigned>(of.bytes[at]), at);
           std::vector<float> values =
               vulkan::to_float(std::span(of.bytes).subspan(texel * info.texel_bytes, info.texel_bytes), format);
           for (float& value : values)

@@ -220,15 +220,19 @@ class Device {
 
 /// Throws Error(HEDDLE_FAILED) naming the call and the result's name unless VK_SUCCESS.
 void check(VkResult result, std::string_view call);
-/// Bytes of a texel, channels and kind of a color or depth format the host supports (r8 .. rgba32f, srgb, 10-11 bit).
+/// Bytes of a texel, channels and kind of a color or depth format the host supports (r8 .. rgba32f, srgb, 10-11 bit),
+/// or of a compressed one, which is sampled and copied and nothing else: its texels have no bytes of their own.
 struct FormatInfo {
   std::uint32_t texel_bytes = 0, channels = 0;
-  const char* glsl = "";  // "rgba16f": format qualifier for storage images; "" if none
-  const char* name = "";  // "r16g16b16a16_sfloat"
+  std::uint32_t block_bytes = 0;  // of 4 x 4 texels; 0: not compressed
+  const char* glsl = "";          // "rgba16f": format qualifier for storage images; "" if none
+  const char* name = "";          // "r16g16b16a16_sfloat"
   bool is_depth = false;
 };
 /// All zero for formats that the host does not know.
 FormatInfo format_info(VkFormat format);
+/// Of an image of so many texels, tightly packed.
+std::uint64_t image_bytes(VkFormat format, std::uint32_t width, std::uint32_t height);
 /// Texels of `format` to float32, channels kept (sRGB formats stay encoded values 0..1 as stored). Throws
 /// Error(HEDDLE_UNSUPPORTED) for unknown formats, Error(HEDDLE_BUG) for parts of texels.
 std::vector<float> to_float(std::span<const std::byte> texels, VkFormat format);

@@ -69,6 +69,26 @@ constexpr std::array kFormats = {
 #undef HEDDLE_FOUR
 // clang-format on
 
+/// Blocks of 4 x 4 texels.
+struct BlockFormat {
+  VkFormat format;
+  std::uint32_t bytes, channels;
+  const char* name;
+};
+constexpr std::array kBlockFormats = {
+    BlockFormat{VK_FORMAT_BC1_RGB_UNORM_BLOCK, 8, 3, "bc1_rgb_unorm_block"},
+    BlockFormat{VK_FORMAT_BC1_RGB_SRGB_BLOCK, 8, 3, "bc1_rgb_srgb_block"},
+    BlockFormat{VK_FORMAT_BC4_UNORM_BLOCK, 8, 1, "bc4_unorm_block"},
+    BlockFormat{VK_FORMAT_BC5_UNORM_BLOCK, 16, 2, "bc5_unorm_block"},
+    BlockFormat{VK_FORMAT_BC7_UNORM_BLOCK, 16, 4, "bc7_unorm_block"},
+    BlockFormat{VK_FORMAT_BC7_SRGB_BLOCK, 16, 4, "bc7_srgb_block"},
+};
+
+const BlockFormat* find_block(VkFormat format) {
+  const auto found = std::ranges::find(kBlockFormats, format, &BlockFormat::format);
+  return found != kBlockFormats.end() ? &*found : nullptr;
+}
+
 const Format* find(VkFormat format) {
   const auto found =
       std::find_if(kFormats.begin(), kFormats.end(), [&](const Format& f) { return f.format == format; });
@@ -180,6 +200,9 @@ std::uint32_t encode(float value, Kind kind, int bits) {
 
 const Format& require(VkFormat format) {
   if (const Format* const found = find(format)) return *found;
+  if (const BlockFormat* const block = find_block(format); block != nullptr)
+    throw Error(HEDDLE_UNSUPPORTED,
+                std::string("texels of ") + block->name + " have no bytes of their own: it is compressed");
   throw Error(HEDDLE_UNSUPPORTED, "the host does not know the format " + format_text(format));
 }
 
@@ -191,6 +214,8 @@ bool is_packed(const Format& format) {
 }  // namespace
 
 FormatInfo format_info(VkFormat format) {
+  if (const BlockFormat* const block = find_block(format); block != nullptr)
+    return {.channels = block->channels, .block_bytes = block->bytes, .name = block->name};
   const Format* const found = find(format);
   if (found == nullptr) return {};
   return {.texel_bytes = texel_bytes_of(*found),
@@ -200,7 +225,14 @@ FormatInfo format_info(VkFormat format) {
           .is_depth = found->is_depth};
 }
 
+std::uint64_t image_bytes(VkFormat format, std::uint32_t width, std::uint32_t height) {
+  const FormatInfo info = format_info(format);
+  if (info.block_bytes != 0) return std::uint64_t{info.block_bytes} * ((width + 3) / 4) * ((height + 3) / 4);
+  return std::uint64_t{info.texel_bytes} * width * height;
+}
+
 std::string format_text(VkFormat format) {
+  if (const BlockFormat* const block = find_block(format); block != nullptr) return block->name;
   const Format* const found = find(format);
   return found != nullptr ? found->name : "VkFormat " + std::to_string(static_cast<int>(format));
 }

@@ -95,7 +95,7 @@ ImageShape resolve_shape(const Instance& instance, VkPhysicalDevice device, Imag
                                                .found = shape_text(shape),
                                                .expected = expected});
   };
-  if (format_info(shape.format).texel_bytes == 0) fail("a format of the host's list");
+  if (format_info(shape.format).channels == 0) fail("a format of the host's list");
   if (shape.width == 0 || shape.height == 0 || shape.layers == 0 || shape.mips == 0) fail("no size of 0");
   if (shape.is_cube && (shape.layers % 6 != 0 || shape.width != shape.height)) {
     fail("square faces, six layers a cube");

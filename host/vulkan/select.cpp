@@ -52,6 +52,7 @@ constexpr std::array kNeeded13 = {HEDDLE_13(synchronization2), HEDDLE_13(dynamic
 // Asked for where present.
 constexpr std::array kWelcomeCore = {
     HEDDLE_CORE(samplerAnisotropy),
+    HEDDLE_CORE(textureCompressionBC),
     HEDDLE_CORE(dualSrcBlend),
     HEDDLE_CORE(fragmentStoresAndAtomics),
     HEDDLE_CORE(vertexPipelineStoresAndAtomics),

@@ -53,7 +53,7 @@ struct Texels {
     aspect = static_cast<VkImageAspectFlags>(format.is_depth ? VK_IMAGE_ASPECT_DEPTH_BIT : VK_IMAGE_ASPECT_COLOR_BIT);
     width = std::max(shape.width >> mip, 1u);
     height = std::max(shape.height >> mip, 1u);
-    bytes = std::uint64_t{width} * height * format.texel_bytes;
+    bytes = image_bytes(shape.format, width, height);
   }
 
   [[nodiscard]] VkBufferImageCopy copy() const {

@@ -179,7 +179,18 @@ TEST(Format, TellsBytesChannelsAndQualifier) {
   EXPECT_EQ(packed.texel_bytes, 4u);
   EXPECT_EQ(packed.channels, 3u);
   EXPECT_STREQ(format_info(VK_FORMAT_R8G8B8A8_SRGB).glsl, "");  // no driver stores sRGB
-  EXPECT_EQ(format_info(VK_FORMAT_BC7_UNORM_BLOCK).texel_bytes, 0u);
+  const FormatInfo blocks = format_info(VK_FORMAT_BC7_SRGB_BLOCK);
+  EXPECT_EQ(blocks.texel_bytes, 0u);
+  EXPECT_EQ(blocks.block_bytes, 16u);
+  EXPECT_EQ(blocks.channels, 4u);
+  EXPECT_STREQ(format_info(VK_FORMAT_BC1_RGB_SRGB_BLOCK).name, "bc1_rgb_srgb_block");
+  EXPECT_EQ(format_info(VK_FORMAT_ASTC_4x4_UNORM_BLOCK).channels, 0u);
+}
+
+TEST(Format, BytesOfAnImageAreWholeBlocks) {
+  EXPECT_EQ(image_bytes(VK_FORMAT_R8G8B8A8_SRGB, 5, 3), 60u);
+  EXPECT_EQ(image_bytes(VK_FORMAT_BC7_SRGB_BLOCK, 8, 8), 64u);
+  EXPECT_EQ(image_bytes(VK_FORMAT_BC1_RGB_SRGB_BLOCK, 5, 1), 16u);
 }
 
 template <typename Call>
@@ -194,8 +205,10 @@ std::string error_of(Call call) {
 
 TEST(Format, UnknownFormatsAndPartsOfTexelsAreErrors) {
   const std::vector<std::byte> five(5);
+  EXPECT_EQ(error_of([&] { (void)to_float(five, VK_FORMAT_ASTC_4x4_UNORM_BLOCK); }),
+            "error: the host does not know the format VkFormat 157");
   EXPECT_EQ(error_of([&] { (void)to_float(five, VK_FORMAT_BC7_UNORM_BLOCK); }),
-            "error: the host does not know the format VkFormat 145");
+            "error: texels of bc7_unorm_block have no bytes of their own: it is compressed");
   EXPECT_EQ(error_of([&] { (void)to_float(five, VK_FORMAT_R16G16_SFLOAT); }),
             "error: bytes end within a texel of r16g16_sfloat\n"
             "  found:    5 bytes\n"
