@@ -673,6 +673,10 @@ Json job_json(const heddle::graph::JobResult& result) {
     Json one{{"name", name}, {"origin", made.is_reused ? "cache" : "made"}, {"key", made.key}, {"file", made.file}};
     if (made.type == heddle::PortType::kArtifact) {
       one["bytes"] = made.bytes->size();
+      if (made.store != nullptr) {
+        one["store"] = made.store->file.string();
+        one["store_bytes"] = made.store->bytes;
+      }
       json["artifacts"].push_back(std::move(one));
       continue;
     }

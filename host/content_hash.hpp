@@ -19,6 +19,10 @@ class ContentHash {
   void add(std::string_view bytes);  // its length goes in as well
   /// For megabytes: four quarters are hashed side by side, which keeps the processor busy, and their hashes go in.
   void add_long(std::span<const std::byte> bytes);
+  /// add_long in steps: the first count bytes of each quarter, and so on; then what is left of the last one.
+  using Quarters = std::array<ContentHash, 4>;
+  static void mix_side_by_side(Quarters& quarters, const std::array<const char*, 4>& from, std::size_t count);
+  void add_quarters(Quarters& quarters, std::span<const char> rest, std::uint64_t size);
   [[nodiscard]] std::string hexadecimal() const;
 
  private:

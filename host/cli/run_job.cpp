@@ -136,7 +136,8 @@ int run_job(heddle_host* host, heddle_graph* job, heddle_scene* scene, const Job
     say(arguments.render.host,
         fmt::format("artifact '{}': {}, {:.1f} MiB{}", artifact["name"].get<std::string>(),
                     artifact["origin"] == "cache" ? "from the cache" : "made",
-                    artifact["bytes"].get<double>() / kMebibyte, file.empty() ? ", kept nowhere" : ", " + file));
+                    (artifact["bytes"].get<double>() + artifact.value("store_bytes", 0.0)) / kMebibyte,
+                    file.empty() ? ", kept nowhere" : ", " + file));
   }
   const auto errors = result["errors"].get<std::size_t>();
   say(arguments.render.host,

@@ -13,6 +13,7 @@
 #include <chrono>
 #include <cstring>
 #include <fstream>
+#include <utility>
 
 namespace heddle::graph {
 
@@ -20,8 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr std::string_view kMagic = "heddle-artifact 1\n";
-constexpr std::string_view kExtension = ".artifact", kTemporary = ".new";
-/// Temporary files of processes that were killed; a living one writes for seconds.
+constexpr std::string_view kExtension = ".artifact", kTemporary = ".new", kStore = ".store";
+/// Temporary files of processes that were killed; a living one does not pause for so long.
 constexpr auto kAbandoned = std::chrono::hours(1);
 
 void append(std::vector<std::byte>& out, const void* data, std::size_t size) {
@@ -57,6 +58,12 @@ class Reader {
   bool is_good_ = true;
 };
 
+/// The name up to its first point.
+std::string key_of(const fs::path& file) {
+  const std::string name = file.filename().string();
+  return name.substr(0, name.find('.'));
+}
+
 std::string_view text_of(std::span<const std::byte> bytes) {
   return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
 }
@@ -85,6 +92,17 @@ std::optional<std::vector<std::byte>> contents(const fs::path& file) {
 
 fs::path ArtifactCache::file(const std::string& key) const {
   return folder_ / (key + std::string(kExtension));
+}
+
+fs::path ArtifactCache::store(const std::string& key, std::string_view part) const {
+  return folder_ / fmt::format("{}.{}{}", key, part, kStore);
+}
+
+fs::path ArtifactCache::new_store(const std::string& key, std::string_view part) const {
+  std::error_code ignored;  // whoever opens the file says why it cannot be
+  fs::create_directories(folder_, ignored);
+  static std::atomic<std::uint32_t> count = 0;
+  return folder_ / fmt::format("{}.{}.{}.{}{}", key, part, ::getpid(), count++, kTemporary);
 }
 
 std::optional<ArtifactParts> ArtifactCache::read(const std::string& key, std::string& damage) const {
@@ -166,35 +184,46 @@ std::string ArtifactCache::write(const std::string& key, const ArtifactViews& pa
 }
 
 void ArtifactCache::remove(const std::string& key) const {
+  if (folder_.empty()) return;
   std::error_code ignored;
-  if (!folder_.empty()) fs::remove_all(file(key), ignored);
+  fs::remove_all(file(key), ignored);
+  for (fs::directory_iterator entry(folder_, ignored), end; !ignored && entry != end; entry.increment(ignored))
+    if (std::error_code gone; entry->path().extension() == kStore && key_of(entry->path()) == key)
+      fs::remove(entry->path(), gone);
 }
 
 void ArtifactCache::make_room(const fs::path& keep) const {
   struct Kept {
-    fs::file_time_type used;
+    fs::file_time_type used = fs::file_time_type::min();
     std::uintmax_t bytes = 0;
-    fs::path file;
+    std::vector<fs::path> files;  // the artifact last: a store without one is nobody's, the other way round is damage
   };
   // Other processes add and remove files meanwhile: what is gone is no error.
   std::error_code ignored;
-  std::vector<Kept> all;
+  std::map<std::string, Kept> all;  // by key
   std::uintmax_t total = 0;
   for (fs::directory_iterator entry(folder_, ignored), end; !ignored && entry != end; entry.increment(ignored)) {
     std::error_code gone;
-    const Kept kept{entry->last_write_time(gone), entry->file_size(gone), entry->path()};
+    const fs::path& path = entry->path();
+    const fs::file_time_type used = entry->last_write_time(gone);
+    const std::uintmax_t bytes = entry->file_size(gone);
     if (gone) continue;
-    if (kept.file.extension() == kTemporary) {
-      if (fs::file_time_type::clock::now() - kept.used > kAbandoned) fs::remove(kept.file, gone);
-    } else if (kept.file.extension() == kExtension) {
-      total += kept.bytes;
-      if (kept.file != keep) all.push_back(kept);
+    if (path.extension() == kTemporary) {
+      if (fs::file_time_type::clock::now() - used > kAbandoned) fs::remove(path, gone);
+    } else if (path.extension() == kExtension || path.extension() == kStore) {
+      Kept& kept = all[key_of(path)];
+      kept.used = std::max(kept.used, used);
+      kept.bytes += bytes;
+      kept.files.insert(path.extension() == kStore ? kept.files.begin() : kept.files.end(), path);
+      total += bytes;
     }
   }
-  std::ranges::sort(all, {}, [](const Kept& kept) { return std::pair(kept.used, kept.file); });
-  for (const Kept& kept : all) {
+  all.erase(key_of(keep));
+  std::vector<std::pair<std::string, Kept>> oldest(all.begin(), all.end());
+  std::ranges::sort(oldest, {}, [](const auto& one) { return std::pair(one.second.used, one.first); });
+  for (const auto& [key, kept] : oldest) {
     if (total <= most_bytes_) return;
-    fs::remove(kept.file, ignored);
+    for (const fs::path& file : kept.files) fs::remove(file, ignored);
     total -= kept.bytes;
   }
 }

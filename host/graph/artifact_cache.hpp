@@ -34,6 +34,10 @@ class ArtifactCache {
   /// What is no longer of use; nothing happens where there is none.
   void remove(const std::string& key) const;
   [[nodiscard]] std::filesystem::path file(const std::string& key) const;
+  /// What is too large for a part lies beside the artifact, in a file of its own, and goes with it; and where it lies
+  /// before it is whole. Makes the folder.
+  [[nodiscard]] std::filesystem::path store(const std::string& key, std::string_view part) const;
+  [[nodiscard]] std::filesystem::path new_store(const std::string& key, std::string_view part) const;
   [[nodiscard]] bool keeps_anything() const { return !folder_.empty(); }
 
  private:

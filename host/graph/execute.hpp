@@ -5,6 +5,7 @@
 
 #include "graph/artifact_cache.hpp"
 #include "graph/stages.hpp"
+#include "graph/store_file.hpp"
 #include "json.hpp"
 #include "scene/upload.hpp"
 #include "vulkan/shader.hpp"
@@ -67,6 +68,7 @@ struct Lasting {
   PortType type = PortType::kArtifact;
   std::shared_ptr<const std::vector<std::byte>> bytes;  // sharers: who reads them, also in other graphs
   bool is_reused = false;
+  std::shared_ptr<StorePlace> store = nullptr;  // what lies beside the artifact; sharers: who reads it
 };
 
 /// What a run of a job left, by names of resources.

@@ -53,6 +53,9 @@ const void* contents_service(std::string_view id);
 // execute_pieces.cpp: the service of pieces, nullptr for another id.
 const void* pieces_service(std::string_view id);
 
+// execute_files.cpp: the services of images and stores, nullptr for another id.
+const void* files_service(std::string_view id);
+
 // execute_slices.cpp: the service of slices, nullptr for another id.
 const void* slices_service(std::string_view id);
 

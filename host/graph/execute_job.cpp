@@ -186,13 +186,19 @@ bool Executor::State::find_lasting(PassIndex index) {
       damage = "it lacks a part";
       break;
     }
-    found[original.resources[resource].name] = {pass.name,
-                                                port,
-                                                pass_keys[index],
-                                                file,
-                                                original.resources[resource].type,
-                                                std::make_shared<const std::vector<std::byte>>(std::move(part->second)),
-                                                true};
+    Lasting one{pass.name,
+                port,
+                pass_keys[index],
+                file,
+                original.resources[resource].type,
+                std::make_shared<const std::vector<std::byte>>(std::move(part->second)),
+                true};
+    if (const auto store = parts->find(port + std::string(kStorePart)); store != parts->end()) {
+      one.store = std::make_shared<StorePlace>(services.artifacts.store(pass_keys[index], port), store->second);
+      damage = one.store->damage();
+      if (!damage.empty()) break;
+    }
+    found[original.resources[resource].name] = std::move(one);
   }
   if (!damage.empty()) warn(pass, fmt::format("the artifact {} is damaged: {}; it is made again", file, damage));
   if (!parts || !damage.empty()) return false;
@@ -361,6 +367,8 @@ void Executor::State::keep_lasting(std::uint32_t index) {
   ArtifactViews parts;
   for (const auto& [port, resource] : pass.ports)
     if (is_lasting_output(graph, resource, p)) parts[port] = resources[resource].value.bytes;
+  std::deque<std::uint64_t> sizes;
+  const auto stores = keep_stores(p, parts, sizes);
   std::string file;
   if (keeps_artifacts()) {
     const std::string problem = services.artifacts.write(pass_keys[p], parts);
@@ -370,10 +378,13 @@ void Executor::State::keep_lasting(std::uint32_t index) {
       file = services.artifacts.file(pass_keys[p]).string();
   }
   for (const auto& [port, bytes] : parts) {
+    if (!pass.ports.contains(port)) continue;
+    const auto store = stores.find(port);
     const Resource& resource = graph.resources[pass.ports.at(port)];
-    lasting.insert_or_assign(
-        resource.name, Lasting{pass.name, port, pass_keys[p], file, resource.type,
-                               std::make_shared<const std::vector<std::byte>>(bytes.begin(), bytes.end()), false});
+    lasting.insert_or_assign(resource.name,
+                             Lasting{pass.name, port, pass_keys[p], file, resource.type,
+                                     std::make_shared<const std::vector<std::byte>>(bytes.begin(), bytes.end()), false,
+                                     store == stores.end() ? nullptr : store->second});
   }
 }
 

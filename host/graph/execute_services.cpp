@@ -225,7 +225,7 @@ const void* service(const heddle_pass_host*, const char* id) {
   if (std::strcmp(id, HEDDLE_MESHES_SERVICE) == 0) return &kMeshesService;
   if (std::strcmp(id, HEDDLE_MATERIALS_SERVICE) == 0) return &kMaterialsService;
   if (std::strcmp(id, HEDDLE_PARALLEL_SERVICE) == 0) return &kParallelService;
-  for (const auto find : {slices_service, contents_service, pieces_service})
+  for (const auto find : {slices_service, contents_service, pieces_service, files_service})
     if (const void* found = find(id); found != nullptr) return found;
   return views_service(id);
 }

@@ -5,6 +5,7 @@
 #include "graph/execute.hpp"
 #include "graph/execute_keys.hpp"
 
+#include "image/image.hpp"
 #include "scene/made_surfaces.hpp"
 
 #include <heddle/pieces.h>
@@ -112,7 +113,10 @@ struct PassState {
   const Stage* cached_stage =
       nullptr;  // inside execute of a stage with cached_by: all that it may ask for is in its key
   vulkan::GeneratedTexts texts;
-  std::string resolved_path;  // the last answer of resolve_path
+  std::string resolved_path;                                                   // the last answer of resolve_path
+  std::vector<std::shared_ptr<image::OpenImage>> images;                       // open
+  std::vector<std::shared_ptr<StoreFile>> stores;                              // open
+  std::map<std::string, std::shared_ptr<StoreFile>, std::less<>> made_stores;  // by artifact, until it is kept
   // Slices that several stages do together (execute_slices.cpp): with which scheduled stage the next one begins, where
   // a stage has just asked for it; and how often they have begun anew.
   std::optional<std::uint32_t> again;
@@ -421,6 +425,9 @@ struct Executor::State : FrameMemory {
   [[nodiscard]] std::vector<PassIndex> find_ready(const std::vector<PassIndex>& due) const;
   void place_lasting();
   void keep_lasting(std::uint32_t stage);
+  [[nodiscard]] std::filesystem::path new_store_file(PassIndex pass, std::string_view port) const;
+  std::map<std::string, std::shared_ptr<StorePlace>, std::less<>> keep_stores(PassIndex pass, ArtifactViews& parts,
+                                                                              std::deque<std::uint64_t>& sizes);
   [[nodiscard]] heddle_frame_info info_for(const Pass& pass) const;
   [[nodiscard]] bool is_key_file(const Pass& pass, std::string_view path) const;
   void run_frame(const scene::Scene& scene, const FrameOptions& options);

@@ -237,6 +237,24 @@ TEST_F(ArtifactCacheTest, MakesRoomByWhatWasNotUsedForLongest) {
   EXPECT_EQ(count(), 1U);
 }
 
+TEST_F(ArtifactCacheTest, StoresGoWithTheirArtifactAndCountAsPartOfIt) {
+  const ArtifactCache cache(folder_, 2500);
+  const std::vector<std::byte> part(1000);
+  cache.write(kKey, {{"image", part}});
+  std::ofstream(cache.store(kKey, "image")) << std::string(1000, 'x');
+  EXPECT_EQ(cache.new_store(kKey, "image").parent_path(), folder_);
+  EXPECT_NE(cache.new_store(kKey, "image"), cache.new_store(kKey, "image"));
+  for (const fs::path& file : {cache.file(kKey), cache.store(kKey, "image")})
+    fs::last_write_time(file, fs::file_time_type::clock::now() - std::chrono::hours(5));
+  cache.write(kOther, {{"image", part}});
+  EXPECT_FALSE(fs::exists(cache.file(kKey)));
+  EXPECT_FALSE(fs::exists(cache.store(kKey, "image")));
+  EXPECT_TRUE(fs::exists(cache.file(kOther)));
+  std::ofstream(cache.store(kOther, "image")) << "x";
+  cache.remove(kOther);
+  EXPECT_EQ(count(), 0U);
+}
+
 TEST_F(ArtifactCacheTest, RemovesTemporaryFilesOfLongAgoAndNoOthers) {
   fs::create_directories(folder_);
   std::ofstream(folder_ / "old.new") << "x";

@@ -2,7 +2,12 @@
 // The form of messages, and which misspelled names are recognized.
 #include "diagnostics.hpp"
 
+#include "content_hash.hpp"
+
 #include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
 
 namespace heddle {
 namespace {
@@ -108,6 +113,22 @@ TEST(JoinNames, SeparatesByCommas) {
   EXPECT_EQ(join_names({}), "");
   const std::vector<std::string> names{"a", "b", "c"};
   EXPECT_EQ(join_names(names), "a, b, c");
+}
+
+TEST(ContentHash, OfAFileIsThatOfItsBytes) {
+  const std::filesystem::path file =
+      std::filesystem::path(testing::TempDir()) / ("heddle_hash_" + std::to_string(getpid()));
+  // Less than a quarter's byte each, a piece and a little more, several pieces.
+  for (const std::size_t size : {0U, 1U, 3U, 4U, 7U, 1000U, 1048576U, 1048579U, 3000001U}) {
+    std::string text(size, 'x');
+    for (std::size_t i = 0; i < size; ++i) text[i] = static_cast<char>(i * 2654435761U >> 24U);
+    std::ofstream(file, std::ios::binary) << text;
+    ContentHash hash;
+    hash.add_long(std::as_bytes(std::span(text)));
+    EXPECT_EQ(hash_of_file(file), hash.hexadecimal()) << size;
+  }
+  std::filesystem::remove(file);
+  EXPECT_EQ(hash_of_file(file), std::nullopt);
 }
 
 }  // namespace
