@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "texture_store.hpp"
 #include "texture_tiles.hpp"
 
 namespace heddle::texture_tiles {
@@ -30,8 +31,10 @@ struct SceneTextures {
   std::vector<MaterialTexture> materials;
 };
 
-/// frame NULL: in declare. Errors name the material and what is wrong with its component.
-inline heddle_status scene_textures(const pass::PassHost& host, heddle_frame* frame, SceneTextures& out) {
+/// frame NULL: in declare. Errors name the material and what is wrong with its component. store: what is bound, or
+/// nothing.
+inline heddle_status scene_textures(const pass::PassHost& host, heddle_frame* frame, const texture_store::Store* store,
+                                    SceneTextures& out) {
   std::optional<pass::Components> table;
   if (const heddle_status status = pass::components(host, frame, kComponent, table); status != HEDDLE_OK) return status;
   out = {};
@@ -42,7 +45,22 @@ inline heddle_status scene_textures(const pass::PassHost& host, heddle_frame* fr
       return host.fail(HEDDLE_BAD_INPUT, "material " + std::to_string(table->owner(row)) + ": " + kComponent + "." +
                                              property + " is " + std::to_string(value) + "; expected: " + expected);
     };
-    const Texture texture{number("source"), number("extent"), number("seed"), number("address")};
+    Texture texture{number("source"), number("extent"), number("seed"), number("address"), 0};
+    if (texture.source == kStored) {
+      const std::uint32_t image = number("image");
+      const std::size_t count = store == nullptr ? 0 : store->textures.size();
+      if (store == nullptr)
+        return host.fail(HEDDLE_BAD_INPUT,
+                         "material " + std::to_string(table->owner(row)) + ": " + kComponent +
+                             ".source is \"stored\", and input 'store' is bound to nothing; expected: "
+                             "inputs.store = \"image_store.toml#store\", or another job's artifact");
+      if (image >= count) return wrong("image", image, "less than " + std::to_string(count) + ", which the store has");
+      if (texture.address != store->header.address)
+        return wrong("address", texture.address,
+                     "that of the store, " + std::to_string(store->header.address) +
+                         " (0 wrap, 1 mirror, 2 clamp), which its borders are made for");
+      texture = {kStored, store->textures[image].extent, 0, texture.address, image};
+    }
     if (!std::has_single_bit(texture.extent)) return wrong("extent", texture.extent, "a power of two");
     MaterialTexture material{table->owner(row), 0, number("chart_size"), number("chart_x"), number("chart_y")};
     if (material.chart_size == 0) material.chart_size = texture.extent;

@@ -17,7 +17,7 @@
 namespace heddle::texture_tiles {
 
 // As role.toml orders them.
-enum : std::uint32_t { kTerrain, kRoad, kRamp, kUvGrid };
+enum : std::uint32_t { kTerrain, kRoad, kRamp, kUvGrid, kStored };
 enum : std::uint32_t { kWrap, kMirror, kClamp };
 
 struct Texture {
@@ -25,6 +25,7 @@ struct Texture {
   std::uint32_t extent = 65536;  // texels of level 0 along each side, a power of two
   std::uint32_t seed = 0;
   std::uint32_t address = kWrap;
+  std::uint32_t image = 0;  // kStored: its number in the store, which has its texels
   friend bool operator==(const Texture&, const Texture&) = default;
 };
 
@@ -32,6 +33,14 @@ struct Rgba8 {
   std::uint8_t r = 0, g = 0, b = 0, a = 255;
   friend bool operator==(const Rgba8&, const Rgba8&) = default;
 };
+
+/// Of texels as four bytes each.
+inline std::uint8_t* first_byte(std::vector<Rgba8>& texels) {
+  return reinterpret_cast<std::uint8_t*>(texels.data());
+}
+inline const std::uint8_t* first_byte(const std::vector<Rgba8>& texels) {
+  return reinterpret_cast<const std::uint8_t*>(texels.data());
+}
 
 /// A texel's index in a level of `extent` texels, which may lie outside.
 inline std::uint32_t addressed(std::int64_t i, std::int64_t extent, std::uint32_t mode) {

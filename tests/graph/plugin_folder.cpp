@@ -317,6 +317,13 @@ Technique tiled() {
   return t;
 }
 
+Technique store_tiled() {
+  Technique t = technique("texture_store/tiled");
+  t.ports = {port("store", PortType::kArtifact, Direction::kOut), port("report", PortType::kReport, Direction::kOut)};
+  t.stages = {{"make", StageKind::kCpu, {value("store"), value("report")}}};
+  return t;
+}
+
 /// A function that writes: whoever calls it appends to `requests`, which a stage reads two frames later.
 Technique virtual_texture() {
   Technique t = technique("texture_source/virtual");
@@ -330,8 +337,12 @@ Technique virtual_texture() {
   requests.capacity = 4096;
   requests.element_bytes = 8;
   requests.glsl = "uvec2 requests[];";
-  t.ports = {state, table, requests, image_out_sized("tile_cache", VK_FORMAT_R8G8B8A8_SRGB, 64, 1, HEDDLE_PORT_KEPT)};
-  t.stages = {{"manage", StageKind::kCpu, {touch("requests", HEDDLE_ACCESS_HOST_READ), value("virtual_state")}, 2},
+  t.ports = {port("store", PortType::kArtifact, Direction::kIn, HEDDLE_PORT_OPTIONAL), state, table, requests,
+             image_out_sized("tile_cache", VK_FORMAT_R8G8B8A8_SRGB, 64, 1, HEDDLE_PORT_KEPT)};
+  t.stages = {{"manage",
+               StageKind::kCpu,
+               {touch("requests", HEDDLE_ACCESS_HOST_READ), value("store"), value("virtual_state")},
+               2},
               {"upload", StageKind::kGpu, {touch("tile_cache", HEDDLE_ACCESS_TRANSFER_WRITE)}},
               {"publish", StageKind::kGpu, {written("tile_table")}}};
   t.shaders = {shader("fill", ShaderKind::kCompute, "publish")};
@@ -498,6 +509,7 @@ PluginFolder::PluginFolder() {
                              ggx(),
                              tiled(),
                              virtual_texture(),
+                             store_tiled(),
                              heat_map(),
                              deferred(),
                              path_tracer(),

@@ -87,12 +87,26 @@ TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
   const std::filesystem::path plugins = std::filesystem::path(HEDDLE_BUILD_DIR) / "lib" / "heddle" / "plugins";
   if (!std::filesystem::exists(plugins)) GTEST_SKIP() << "no plugins are built in " << plugins;
   const Registry registry({plugins});
-  for (const char* id :
-       {"sky/procedural", "sky/uniform", "sky/environment_map", "subdivision/catmull_clark", "gbuffer/raster",
-        "ambient_occlusion/gtao", "ambient_occlusion/ray_traced", "ambient_occlusion/baked",
-        "bake_visibility/depth_maps", "shadow/shadow_map", "shadow/ray_marched_screen", "surface_material/ggx",
-        "light_assignment/tiled", "light_count/heat_map", "texture_source/virtual", "lighting/deferred",
-        "ray_tracing/path_tracer", "transparency/sorted", "display/linear"})
+  for (const char* id : {"sky/procedural",
+                         "sky/uniform",
+                         "sky/environment_map",
+                         "subdivision/catmull_clark",
+                         "gbuffer/raster",
+                         "ambient_occlusion/gtao",
+                         "ambient_occlusion/ray_traced",
+                         "ambient_occlusion/baked",
+                         "bake_visibility/depth_maps",
+                         "shadow/shadow_map",
+                         "shadow/ray_marched_screen",
+                         "surface_material/ggx",
+                         "light_assignment/tiled",
+                         "light_count/heat_map",
+                         "texture_source/virtual",
+                         "texture_store/tiled",
+                         "lighting/deferred",
+                         "ray_tracing/path_tracer",
+                         "transparency/sorted",
+                         "display/linear"})
     if (registry.find(id).technique == nullptr) GTEST_SKIP() << id << " is not built";
   const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface",
                                           "texture_source.virtual"};

@@ -47,7 +47,8 @@ std::vector<std::string> role_names() {
   std::vector<std::string> names;
   for (const auto& entry : fs::directory_iterator(fs::path(HEDDLE_SOURCE_DIR) / "plugins")) {
     // Roles that make surfaces or artifacts have no template, which tests below show.
-    const bool has_template = entry.path().filename() != "subdivision" && entry.path().filename() != "bake_visibility";
+    const std::string name = entry.path().filename();
+    const bool has_template = name != "subdivision" && name != "bake_visibility" && name != "texture_store";
     if (has_template && fs::exists(entry.path() / "role.toml")) names.push_back(entry.path().filename());
   }
   return names;
@@ -313,7 +314,7 @@ TEST(NewTechnique, RefusesAnUnknownRole) {
             "error: there is no role 'shadwo'\n"
             "  expected: one of ambient_occlusion, antialiasing, bake_visibility, display, function_image, gbuffer, "
             "light_assignment, light_count, lighting, ray_tracing, shadow, sky, subdivision, surface_material, "
-            "surface_program, texture_source, transparency\n"
+            "surface_program, texture_source, texture_store, transparency\n"
             "  help:     a new role begins with a role.toml in a folder of its own\n");
 }
 
