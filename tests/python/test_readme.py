@@ -37,9 +37,10 @@ def commands_of(text):
     lines += [" ".join(code.split()) for code in re.findall(rf"`({COMMAND}\s[^`]+)`", text)]
     found = []
     for line in lines:
-        words = line.split("#")[0].strip().removeprefix("time ")
+        # A graph's name and a job's pass are joined by a # too.
+        words = re.split(r"(?:^|\s)#", line)[0].strip().removeprefix("time ")
         # Forms with a word in capitals or dots for what the reader chooses are no commands.
-        if words and not words.startswith(OTHERS) and not re.search(r"\.\.\.|\b[A-Z]{2,}\b| A B$|\| source", words):
+        if words and not words.startswith(OTHERS) and not re.search(r"\.\.\.|(?<!\$)\b[A-Z]{2,}\b| A B$|\| source", words):
             found.append(words)
     return found
 
@@ -95,6 +96,7 @@ def folder(tmp_path_factory, command):
         sky = np.full((8, 16, 3), 0.4, np.float32)
         sky[1, 3] = 60
         host.write_image(made / "sky.hdr", sky)
+        host.write_image(made / "map.png", sky.clip(0, 1))
         for name, scale in (("a.exr", 1.0), ("b.exr", 1.1)):
             host.write_image(made / name, sky * np.float32(scale))
     study = (ROOT / "README.md").read_text().split("```toml\n")

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // texture_source/resident: whole textures with all of their levels in memory, made once: the reference.
+#include "stored_textures.hpp"
 #include "texture_materials.hpp"
 
 #include <heddle/pass.hpp>
@@ -11,6 +12,7 @@ namespace {
 
 using namespace heddle::pass;
 namespace tiles = heddle::texture_tiles;
+namespace blocks = heddle::block_compression;
 
 constexpr const char* kFilters[] = {"nearest", "bilinear", "trilinear", nullptr};
 constexpr double kFilterLadder[] = {0, 1, 2};
@@ -33,14 +35,15 @@ constexpr heddle_port texture_out(const char* name) {
   return image_out_sized(name, VK_FORMAT_R8G8B8A8_SRGB, 1, 1, kHelp, HEDDLE_PORT_KEPT);
 }
 constexpr heddle_port kPorts[] = {
+    artifact_in("store", "textures on disk, for materials whose source is stored", HEDDLE_PORT_OPTIONAL),
     value_out("resident_materials", 32, "which material shows what", "uvec4 resident_materials[];"),
     texture_out("texture_0"),
     texture_out("texture_1"),
     texture_out("texture_2"),
     texture_out("texture_3"),
 };
-constexpr heddle_access kMakeAccesses[] = {host_write("texture_0"), host_write("texture_1"), host_write("texture_2"),
-                                           host_write("texture_3")};
+constexpr heddle_access kMakeAccesses[] = {value("store"), host_write("texture_0"), host_write("texture_1"),
+                                           host_write("texture_2"), host_write("texture_3")};
 constexpr heddle_access kPlaceAccesses[] = {value("resident_materials")};
 constexpr heddle_access kFunctionAccesses[] = {value("resident_materials"), sampled("texture_0"), sampled("texture_1"),
                                                sampled("texture_2"), sampled("texture_3")};
@@ -51,7 +54,9 @@ constexpr heddle_function kFunctions[] = {function("texture_source", "resident.g
 class Resident {
  public:
   heddle_status declare(const PassHost& host) {
-    heddle_status status = tiles::scene_textures(host, nullptr, scene_);
+    heddle_status status = stored_.open(host);
+    if (status != HEDDLE_OK) return status;
+    status = tiles::scene_textures(host, nullptr, stored_.is_open() ? &stored_.store() : nullptr, scene_);
     if (status != HEDDLE_OK) return status;
     const auto coarsest = std::bit_floor(static_cast<std::uint32_t>(host.integer("coarsest")));
     if (scene_.textures.size() > kMostTextures)
@@ -68,7 +73,10 @@ class Resident {
                              ", the most that this technique keeps; texture_source/virtual shows it");
       heddle_shape shape{};
       shape.width = shape.height = extent;
-      shape.mips = static_cast<std::uint32_t>(std::countr_zero(extent / coarsest)) + 1;
+      // A store's levels end at one tile.
+      const bool is_stored = scene_.textures[i].source == tiles::kStored;
+      const std::uint32_t last = is_stored ? std::max(coarsest, stored_.store().header.tile) : coarsest;
+      shape.mips = static_cast<std::uint32_t>(std::countr_zero(std::max(extent / last, 1U))) + 1;
       levels_.push_back(shape.mips);
       if (status == HEDDLE_OK) status = host.set_shape(kTextures[i], shape);
     }
@@ -101,9 +109,17 @@ class Resident {
       }
       for (std::uint32_t level = 0; level < levels_[i]; ++level) {
         const std::uint32_t extent = scene_.textures[i].extent >> level;
-        for (std::uint32_t y = 0; y < extent; y += kRows) {
-          const std::uint32_t rows = std::min(kRows, extent - y);
-          tiles::make_texels(scene_.textures[i], level, 0, y, extent, rows, row);
+        const bool is_stored = scene_.textures[i].source == tiles::kStored;
+        const std::uint32_t at_a_time = is_stored ? stored_.store().header.tile : kRows;
+        for (std::uint32_t y = 0; y < extent; y += at_a_time) {
+          const std::uint32_t rows = std::min(at_a_time, extent - y);
+          if (is_stored) {
+            const heddle_status status =
+                read_rows(frame.host(), scene_.textures[i].image, level, y / at_a_time, extent, row);
+            if (status != HEDDLE_OK) return status;
+          } else {
+            tiles::make_texels(scene_.textures[i], level, 0, y, extent, rows, row);
+          }
           std::memcpy(out, row.data(), row.size() * sizeof(tiles::Rgba8));
           out += row.size() * sizeof(tiles::Rgba8);
           const double done = static_cast<double>(y + rows) / extent;
@@ -116,6 +132,24 @@ class Resident {
     return HEDDLE_OK;
   }
 
+  /// A row of tiles without their borders.
+  heddle_status read_rows(const PassHost& host, std::uint32_t image, std::uint32_t level, std::uint32_t tile_y,
+                          std::uint32_t extent, std::vector<tiles::Rgba8>& out) {
+    const heddle::texture_store::Store& store = stored_.store();
+    const std::uint32_t tile = store.header.tile, border = store.header.border, pitch = store.pitch();
+    out.resize(std::size_t{extent} * tile);
+    texels_.resize(std::size_t{pitch} * pitch);
+    for (std::uint32_t tile_x = 0; tile_x < extent / tile; ++tile_x) {
+      if (const heddle_status status = stored_.read(host, image, level, tile_x, tile_y, bytes_); status != HEDDLE_OK)
+        return status;
+      blocks::decode(store.header.compression, bytes_.data(), pitch, pitch, first_byte(texels_));
+      for (std::uint32_t y = 0; y < tile; ++y)
+        std::copy_n(texels_.begin() + std::size_t{pitch} * (y + border) + border, tile,
+                    out.begin() + std::size_t{extent} * y + std::size_t{tile} * tile_x);
+    }
+    return HEDDLE_OK;
+  }
+
   [[nodiscard]] heddle_status place(const Frame& frame) const {
     std::vector<std::uint32_t> words(std::size_t{8} * std::max(1U, tiles::material_end(scene_)), 0);
     for (const tiles::MaterialTexture& material : scene_.materials) {
@@ -124,7 +158,9 @@ class Resident {
       record[0] = material.texture;
       record[1] = static_cast<std::uint32_t>(std::countr_zero(texture.extent)) | texture.address << 8U;
       record[2] = std::bit_cast<std::uint32_t>(static_cast<float>(material.chart_size));
-      record[3] = 1;
+      const bool is_vertex_centred =
+          texture.source == tiles::kStored && heddle::mip_kernels::is_vertex_centred(stored_.store().header.kernel);
+      record[3] = 1 | (is_vertex_centred ? 2U : 0U);
       record[4] = material.chart_x;
       record[5] = material.chart_y;
       record[6] = levels_[material.texture] - 1;
@@ -133,6 +169,9 @@ class Resident {
   }
 
   static constexpr std::uint32_t kRows = 16;  // at a time
+  heddle::texture_store::StoredTextures stored_;
+  std::vector<std::byte> bytes_;      // of a tile
+  std::vector<tiles::Rgba8> texels_;  // of it, decoded
   tiles::SceneTextures scene_;
   std::vector<std::uint32_t> levels_;  // of each texture
   bool is_made_ = false;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A place and its footprint -> texels of the whole texture, filtered in float32. README equations (1) to (3).
 // in   resident_materials  two uvec4 a material: texture, log2 of its extent | address << 8, chart's size (float
-//                          bits), 1 if it is one; first texel of the chart, last level
+//                          bits), 1 if it is one, 3 if texels sit on whole numbers; first texel of the chart, last level
 //      texture_0 ... texture_3
 // One loop, of params.anisotropy steps, twice with filter trilinear.
 #include "texture_footprint.glsl"
@@ -17,6 +17,7 @@ struct ResidentTexture {
   uint number;
   int extent;
   uint mode;
+  float centre;  // of a texel, from its lower corner
 };
 
 // (1) Level `level` at the place moved by `offset` texels of it: whole texels as integers, the rest as a float.
@@ -24,7 +25,7 @@ vec3 sample_level(ResidentTexture t, TexturePlace place, vec2 offset, int level)
   int extent = t.extent >> level;
   TexturePlace local = place_in_level(place, level);
   vec2 texel = local.within + offset;
-  if (params.filtering != kFilterNearest) texel -= 0.5;
+  texel += params.filtering == kFilterNearest ? 0.5 - t.centre : -t.centre;
   vec2 whole = floor(texel);
   ivec2 first = local.texel + ivec2(whole);
   ivec2 a = ivec2(address_texel(first.x, extent, t.mode), address_texel(first.y, extent, t.mode));
@@ -49,7 +50,7 @@ vec3 texture_source(uint material, vec2 uv, vec2 uv_dx, vec2 uv_dy, vec2 raster_
   uvec4 head = resident_materials[2u * material];
   if (head.w == 0u) return otherwise;
   uvec4 chart = resident_materials[2u * material + 1u];
-  ResidentTexture t = ResidentTexture(head.x, 1 << int(head.y & 255u), head.y >> 8u);
+  ResidentTexture t = ResidentTexture(head.x, 1 << int(head.y & 255u), head.y >> 8u, (head.w & 2u) != 0u ? 0.0 : 0.5);
   float chart_size = uintBitsToFloat(head.z);
   TexturePlace place = texture_place(uv, ivec2(chart.xy), chart_size, t.extent, t.mode);
   // Levels end where virtual ones do, at one tile.

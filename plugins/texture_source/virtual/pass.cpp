@@ -1,30 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
 // texture_source/virtual: what pixels asked for some frames ago to tiles in a cache, and the function that looks them
 // up and asks for more. Nothing waits: what is not there yet shows its nearest ancestor that is.
-#include "residency.hpp"
 #include "texture_materials.hpp"
+#include "tile_reader.hpp"
+#include "uv_tree.hpp"
 
 #include <heddle/counters.h>
+#include <heddle/meshes.hpp>
 #include <heddle/pass.hpp>
 
 #include <bit>
 #include <cstring>
 #include <limits>
 #include <span>
+#include <utility>
 
 namespace {
 
 using namespace heddle::pass;
 namespace tiles = heddle::texture_tiles;
+namespace blocks = heddle::block_compression;
 using heddle::virtual_texture::Changes;
+using heddle::virtual_texture::Looker;
 using heddle::virtual_texture::Residency;
 using heddle::virtual_texture::Tile;
+using heddle::virtual_texture::TileReader;
+using heddle::virtual_texture::UvTree;
 
 constexpr const char* kFilters[] = {"nearest", "bilinear", "trilinear", nullptr};
 constexpr const char* kTiles[] = {"64", "128", "256", nullptr};
 constexpr std::uint32_t kTileSizes[] = {64, 128, 256};
 constexpr const char* kSpacings[] = {"16", "8", "4", "2", nullptr};
 constexpr std::uint32_t kSpacingLog2[] = {4, 3, 2, 1};
+constexpr const char* kQueries[] = {"view", "tree", "both", nullptr};
+enum : std::uint32_t { kView, kTree };
 constexpr double kFilterLadder[] = {0, 1, 2};
 constexpr double kAnisotropyLadder[] = {1, 2, 4, 8, 16};
 constexpr double kUploadsLadder[] = {4, 8, 16, 32, 64};
@@ -41,11 +50,18 @@ constexpr heddle_parameter kParameters[] = {
     integer("border", "px", 0, 16, 4, "of each tile, its neighbours' texels; 0: seams show",
             HEDDLE_PARAMETER_REDECLARE),
     integer("cache", "px", 128, 8192, 2048, "side of the image that tiles are in", HEDDLE_PARAMETER_REDECLARE),
+    toggle("compressed", true, "tiles of a compressed store stay so in the cache; no: unpacked where they come",
+           HEDDLE_PARAMETER_REDECLARE),
     knob(integer("uploads", "1", 1, 256, 16, "tiles that arrive in one frame, at most", HEDDLE_PARAMETER_REDECLARE),
          kUploadsLadder),
     knob(choice("spacing", kSpacings, 1, "of each square of so many pixels a side one asks in a frame"),
          kSpacingLadder),
+    choice("query", kQueries, 0,
+           "what says which tiles are wanted: pixels that are drawn; a tree over the texture that knows where in the "
+           "world it lies, for input eye; both"),
+    toggle("turning", false, "tree: also what lies around and behind, for a view that turns"),
     integer("window", "1", 1, 1024, 64, "frames for which a tile is wanted after a pixel has asked for it"),
+    integer("read_frames", "1", 1, 16, 2, "from the wish for a stored tile to its arrival, at least"),
     parameter("fade", "s", 0, kMostFade, 0.25, "until a tile that has come hides its parent"),
 };
 
@@ -57,6 +73,8 @@ constexpr std::uint64_t kMostTableBytes = std::uint64_t{1} << 27U;  // that ever
 constexpr std::uint32_t kFillThreads = 256;
 constexpr std::uint32_t kGroupsInRow = 32768;   // as fill.comp.glsl has it
 constexpr std::uint32_t kMostSlotsInRow = 256;  // entries have 8 bits
+constexpr std::size_t kMostTimesSlots = 4;      // tiles that a tree names, for each slot that there is
+constexpr std::uint32_t kTrilinear = 2;         // of kFilters
 constexpr float kLongAgo = -1e9F;               // s
 
 /// As virtual.glsl reads it.
@@ -67,6 +85,8 @@ struct State {
 };
 
 constexpr heddle_port kPorts[] = {
+    value_in("eye", "the view that the tree looks from", HEDDLE_PORT_OPTIONAL),
+    artifact_in("store", "textures on disk, for materials whose source is stored", HEDDLE_PORT_OPTIONAL),
     value_out("virtual_materials", 32, "which material shows what", "uvec4 virtual_materials[];"),
     value_out("virtual_state", sizeof(State), "layout of the cache, pixels that ask, time",
               "uvec4 virtual_layout; uvec4 virtual_query; vec4 virtual_time;"),
@@ -79,8 +99,8 @@ constexpr heddle_port kPorts[] = {
     list_out("requests", kFirstRequests, 8, "uvec2 requests[];", "tiles that pixels of this frame asked for"),
 };
 
-constexpr heddle_access kManageAccesses[] = {host_read("requests"), value("virtual_materials"), value("virtual_state"),
-                                             value("tile_edits")};
+constexpr heddle_access kManageAccesses[] = {host_read("requests"),      value("store"),         value("eye"),
+                                             value("virtual_materials"), value("virtual_state"), value("tile_edits")};
 constexpr heddle_access kStageAccesses[] = {transfer_write("tile_staging")};
 constexpr heddle_access kUploadAccesses[] = {transfer_read("tile_staging"), transfer_write("tile_cache")};
 constexpr heddle_access kPublishAccesses[] = {value("tile_edits"), storage_write("tile_table"),
@@ -109,10 +129,14 @@ class Virtual {
  public:
   heddle_status declare(const PassHost& host) {
     const Layout before = layout();
-    heddle_status status = tiles::scene_textures(host, nullptr, scene_);
+    heddle_status status = stored_.open(host);
     if (status != HEDDLE_OK) return status;
-    tile_ = kTileSizes[host.choice("tile")];
-    border_ = static_cast<std::uint32_t>(host.integer("border"));
+    status = tiles::scene_textures(host, nullptr, stored_.is_open() ? &stored_.store() : nullptr, scene_);
+    if (status != HEDDLE_OK) return status;
+    // Tiles of a store are as they are, and all others are as those.
+    tile_ = stored_.is_open() ? stored_.store().header.tile : kTileSizes[host.choice("tile")];
+    border_ = stored_.is_open() ? stored_.store().header.border : static_cast<std::uint32_t>(host.integer("border"));
+    format_ = stored_.is_open() && host.toggle("compressed") ? stored_.store().header.compression : blocks::kNone;
     uploads_ = static_cast<std::uint32_t>(host.integer("uploads"));
     const auto side = static_cast<std::uint32_t>(host.integer("cache"));
     in_row_ = std::min(side / pitch(), kMostSlotsInRow);
@@ -123,7 +147,11 @@ class Virtual {
                            " tiles of " + std::to_string(pitch()) + " px with borders, and " +
                            std::to_string(textures) + " textures need more than one each: raise params.cache");
     // What is kept stays where its shape and meaning do: a longer list of requests changes neither.
-    if (layout() != before) residency_.reset();
+    if (layout() != before) {
+      residency_.reset();
+      status = read_roots(host);
+      if (status != HEDDLE_OK) return status;
+    }
     first_cells_.clear();
     std::uint64_t cells = 0;
     for (const tiles::Texture& texture : scene_.textures) {
@@ -136,6 +164,9 @@ class Virtual {
                                              std::to_string(kMostTableBytes >> 20U) + ": raise params.tile");
     heddle_shape cache{};
     cache.width = cache.height = in_row_ * pitch();
+    cache.format = format_ == blocks::kBc1   ? VK_FORMAT_BC1_RGB_SRGB_BLOCK
+                   : format_ == blocks::kBc7 ? VK_FORMAT_BC7_SRGB_BLOCK
+                                             : VK_FORMAT_R8G8B8A8_SRGB;
     status = host.set_shape("tile_cache", cache);
     const std::pair<const char*, std::uint64_t> sizes[] = {
         {"virtual_materials", std::max(1U, tiles::material_end(scene_)) * std::uint64_t{32}},
@@ -153,7 +184,7 @@ class Virtual {
   }
 
   heddle_status execute(const Frame& frame) {
-    if (frame.info().cut != 0 || !residency_) reset();
+    if (frame.info().cut != 0 || !residency_) reset(frame.host());
     heddle_mapped mapped{};
     heddle_status status = frame.map("requests", mapped);
     if (status != HEDDLE_OK) return status;
@@ -164,7 +195,12 @@ class Virtual {
         asked_.push_back({words[0] & 65535U, words[0] >> 16U, words[1] & 65535U, words[1] >> 16U});
     }
     const auto window = static_cast<std::uint32_t>(frame.host().integer("window"));
-    changes_ = residency_->step(asked_, frame.info().index, window, uploads_);
+    if (frame.host().choice("query") != kView) {
+      status = ask_trees(frame);
+      if (status != HEDDLE_OK) return status;
+    }
+    changes_ = step(frame, window);
+    if (reader_ && reader_->status() != HEDDLE_OK) return reader_->status();
     count(frame.host());
     const double fade = frame.host().parameter("fade");
     // Where time stands still, or runs back, nothing would ever be faded in.
@@ -197,13 +233,16 @@ class Virtual {
  private:
   static std::uint64_t cells_below(std::uint32_t levels) { return ((std::uint64_t{4} << (2 * levels)) - 1) / 3; }
   [[nodiscard]] std::uint32_t pitch() const { return tile_ + 2 * border_; }
-  [[nodiscard]] std::uint64_t tile_bytes() const { return std::uint64_t{4} * pitch() * pitch(); }
+  [[nodiscard]] std::uint64_t tile_bytes() const { return blocks::bytes_of(format_, pitch(), pitch()); }
   struct Layout {
     std::vector<tiles::Texture> textures;
-    std::uint32_t tile = 0, border = 0, in_row = 0;
+    std::uint32_t tile = 0, border = 0, in_row = 0, format = 0;
+    std::vector<std::byte> store;
     friend bool operator==(const Layout&, const Layout&) = default;
   };
-  [[nodiscard]] Layout layout() const { return {scene_.textures, tile_, border_, in_row_}; }
+  [[nodiscard]] Layout layout() const {
+    return {scene_.textures, tile_, border_, in_row_, format_, stored_.artifact()};
+  }
   /// An arrival and an eviction for each upload, and the roots.
   [[nodiscard]] std::uint32_t edit_room() const {
     return 2 * (uploads_ + static_cast<std::uint32_t>(scene_.textures.size()));
@@ -212,15 +251,114 @@ class Virtual {
     return tiles::tile_levels(scene_.textures[texture].extent, tile_);
   }
 
+  /// Roots are never waited for: those of stored textures stay in memory.
+  heddle_status read_roots(const PassHost& host) {
+    root_bytes_.assign(scene_.textures.size(), {});
+    for (std::uint32_t t = 0; t < scene_.textures.size(); ++t) {
+      if (scene_.textures[t].source != tiles::kStored) continue;
+      const heddle_status status = stored_.read(host, scene_.textures[t].image, root_of(t), 0, 0, root_bytes_[t]);
+      if (status != HEDDLE_OK) return status;
+    }
+    return HEDDLE_OK;
+  }
+
+  /// Every instance whose material shows a texture, into that texture's tree.
+  void plant(const PassHost& host, const heddle::pass::Meshes& meshes) {
+    trees_.clear();
+    const auto filtering = host.choice("filtering");
+    const std::uint32_t taps = filtering == 0 ? 1 : static_cast<std::uint32_t>(host.integer("anisotropy"));
+    for (std::uint32_t t = 0; t < scene_.textures.size(); ++t)
+      trees_.emplace_back(t, scene_.textures[t].extent, tile_, scene_.textures[t].address, taps);
+    for (std::uint32_t i = 0; i < meshes.content().instance_count; ++i) {
+      const heddle_scene_instance instance = meshes.instance(i);
+      const heddle_scene_mesh mesh = meshes.mesh(instance.mesh);
+      const auto material = std::ranges::find(scene_.materials, mesh.material, &tiles::MaterialTexture::material);
+      if (material == scene_.materials.end()) continue;
+      const auto corner = [&](std::uint32_t index) {
+        const HeddleVertex& vertex = mesh.vertices[mesh.indices[index]];
+        heddle::virtual_texture::TexturedCorner out;
+        const double* m = instance.scene_from_object;
+        for (std::size_t c = 0; c < 3; ++c)
+          out.position[c] = m[c] * static_cast<double>(vertex.position[0]) +
+                            m[4 + c] * static_cast<double>(vertex.position[1]) +
+                            m[8 + c] * static_cast<double>(vertex.position[2]) + m[12 + c];
+        out.texel = {static_cast<double>(vertex.u0) * material->chart_size + material->chart_x,
+                     static_cast<double>(vertex.v0) * material->chart_size + material->chart_y};
+        return out;
+      };
+      for (std::uint32_t index = 0; index + 2 < mesh.index_count; index += 3)
+        trees_[material->texture].add({corner(index), corner(index + 1), corner(index + 2)}, i);
+    }
+  }
+
+  /// What this frame's view needs, before a pixel has asked.
+  heddle_status ask_trees(const Frame& frame) {
+    const PassHost host = frame.host();
+    const auto eye = frame.value<HeddleView>("eye");
+    if (eye.empty())
+      return host.fail(HEDDLE_BAD_INPUT,
+                       "params.query is \"" + std::string(kQueries[host.choice("query")]) +
+                           "\", and input 'eye' is bound to nothing; expected: inputs.eye = \"scene.camera\"");
+    const HeddleView& view = eye.front();
+    if (view.is_orthographic != 0)
+      return host.fail(
+          HEDDLE_UNSUPPORTED,
+          "the tree looks in perspective, and input 'eye' is orthographic; choose params.query = \"view\"");
+    const heddle::pass::Meshes meshes(host);
+    const Planted planted{meshes.content().revision, meshes.content().motion_revision, host.parameter("anisotropy"),
+                          host.choice("filtering"), layout()};
+    if (!planted_ || *planted_ != planted) {
+      plant(host, meshes);
+      planted_ = planted;
+    }
+    Looker looker;
+    for (std::size_t c = 0; c < 3; ++c) {
+      looker.origin[c] = frame.info().origin[c] + static_cast<double>(view.rel_from_view[12 + c]);
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        looker.axes[axis][c] = static_cast<double>(view.rel_from_view[4 * axis + c]);
+    }
+    for (std::size_t c = 0; c < 2; ++c) looker.tangents[c] = static_cast<double>(view.half_size[c]);
+    // Of the two the coarser pixels would ask for less: the finer ones count.
+    looker.focal_px = 0.5 * std::max(view.extent[0] / looker.tangents[0], view.extent[1] / looker.tangents[1]);
+    looker.near_plane = static_cast<double>(view.near_distance);
+    looker.ignores_direction = host.toggle("turning");
+    const double bias = host.choice("filtering") == kTrilinear ? 1.0 : host.parameter("bias");
+    const std::size_t before = asked_.size();
+    // More than there are slots would only be coarsened.
+    for (UvTree& tree : trees_) tree.query(looker, bias, std::size_t{in_row_} * in_row_ * kMostTimesSlots, asked_);
+    if (const auto* counters = host.service<heddle_counters_service>(HEDDLE_COUNTERS_SERVICE); counters != nullptr)
+      counters->add(host.raw(), "tiles_named", asked_.size() - before);
+    return HEDDLE_OK;
+  }
+
+  Changes step(const Frame& frame, std::uint32_t window) {
+    const PassHost host = frame.host();
+    const std::uint64_t index = frame.info().index;
+    if (!reader_) return residency_->step(asked_, index, window, uploads_);
+    const auto frames = static_cast<std::uint32_t>(host.integer("read_frames"));
+    Changes changes = residency_->step(asked_, index, window, uploads_, [&](const Tile& tile) {
+      const tiles::Texture& texture = scene_.textures[tile.texture];
+      return texture.source != tiles::kStored || reader_->has(host, tile, texture.image, index, frames);
+    });
+    // What comes in this frame stays until its bytes are in the staging buffer.
+    reader_->forget(host, index);
+    return changes;
+  }
+
   /// Nothing of the past is valid: the roots come again, and after them what is asked for.
-  void reset() {
+  void reset(const PassHost& host) {
+    if (reader_) reader_->forget_all(host);
+    reader_.reset();
+    // What one frame uploads, for each frame that it takes.
+    if (stored_.is_open())
+      reader_.emplace(stored_, std::size_t{uploads_} * (1 + static_cast<std::size_t>(host.integer("read_frames"))));
     std::vector<std::uint32_t> roots;
     for (std::uint32_t t = 0; t < scene_.textures.size(); ++t) roots.push_back(root_of(t));
     residency_.emplace(in_row_ * in_row_, std::move(roots));
     clock_ = last_birth_ = 0;
   }
 
-  void count(const PassHost& host) const {
+  void count(const PassHost& host) {
     const auto* counters = host.service<heddle_counters_service>(HEDDLE_COUNTERS_SERVICE);
     if (counters == nullptr) return;
     const std::pair<const char*, std::uint64_t> counts[] = {
@@ -233,6 +371,23 @@ class Virtual {
         {"level_bias", changes_.bias},
     };
     for (const auto& [name, number] : counts) counters->add(host.raw(), name, number);
+    if (!reader_) return;
+    heddle_store_counts read{};
+    read.struct_size = sizeof read;
+    stored_.service().counts(host.raw(), stored_.file(), &read);
+    const std::pair<const char*, std::uint64_t> reads[] = {
+        {"tiles_requested", reader_->take_requests()},
+        {"tiles_in_flight", reader_->in_flight()},
+        {"bytes_read", read.bytes_read - std::exchange(counted_.bytes_read, read.bytes_read)},
+        {"bytes_used", read.bytes_used - std::exchange(counted_.bytes_used, read.bytes_used)},
+        {"reads_waited_for", read.waits - std::exchange(counted_.waits, read.waits)},
+    };
+    for (const auto& [name, number] : reads) counters->add(host.raw(), name, number);
+  }
+
+  [[nodiscard]] bool is_vertex_centred(std::uint32_t texture) const {
+    return scene_.textures[texture].source == tiles::kStored &&
+           heddle::mip_kernels::is_vertex_centred(stored_.store().header.kernel);
   }
 
   [[nodiscard]] std::vector<std::uint32_t> materials() const {
@@ -242,7 +397,7 @@ class Virtual {
       record[0] = first_cells_[material.texture];
       record[1] = root_of(material.texture) | scene_.textures[material.texture].address << 8U | material.texture << 16U;
       record[2] = std::bit_cast<std::uint32_t>(static_cast<float>(material.chart_size));
-      record[3] = 1;
+      record[3] = 1 | (is_vertex_centred(material.texture) ? 2U : 0U);
       record[4] = material.chart_x;
       record[5] = material.chart_y;
     }
@@ -259,6 +414,8 @@ class Virtual {
       state.query[1] |= static_cast<std::uint32_t>(frame.info().index >> (2 * bit) & 1U) << (bits - 1 - bit);
       state.query[2] |= static_cast<std::uint32_t>(frame.info().index >> (2 * bit + 1) & 1U) << (bits - 1 - bit);
     }
+    // Where the tree alone asks no pixel does.
+    if (frame.host().choice("query") == kTree) state.query[0] = 0, state.query[1] = state.query[2] = ~0U;
     return state;
   }
 
@@ -281,18 +438,37 @@ class Virtual {
   heddle_status stage(const Frame& frame) {
     std::uint64_t at = 0;
     for (const Changes::Upload& one : changes_.uploads) {
-      const std::int64_t border = border_;
-      tiles::make_texels(scene_.textures[one.tile.texture], one.tile.level, std::int64_t{one.tile.x} * tile_ - border,
-                         std::int64_t{one.tile.y} * tile_ - border, pitch(), pitch(), texels_);
-      const auto bytes = std::as_bytes(std::span(texels_));
+      const std::span<const std::byte> bytes = bytes_of(one.tile);
       for (std::size_t begin = 0; begin < bytes.size(); begin += kMostUpdate) {
         const auto part = bytes.subspan(begin, std::min<std::size_t>(kMostUpdate, bytes.size() - begin));
         if (const heddle_status status = frame.update_buffer("tile_staging", at + begin, part); status != HEDDLE_OK)
           return status;
       }
       at += tile_bytes();
+      if (reader_) reader_->release(frame.host(), one.tile);
     }
     return HEDDLE_OK;
+  }
+
+  /// What goes into the tile's slot; until the next call.
+  std::span<const std::byte> bytes_of(const Tile& tile) {
+    const tiles::Texture& texture = scene_.textures[tile.texture];
+    if (texture.source == tiles::kStored) {
+      const bool is_root = tile.level == root_of(tile.texture);
+      const std::span<const std::byte> stored =
+          is_root ? std::span<const std::byte>(root_bytes_[tile.texture]) : reader_->bytes(tile);
+      if (stored_.store().header.compression == format_) return stored;
+      texels_.resize(std::size_t{pitch()} * pitch());
+      blocks::decode(stored_.store().header.compression, stored.data(), pitch(), pitch(), first_byte(texels_));
+      return std::as_bytes(std::span(texels_));
+    }
+    const std::int64_t border = border_;
+    tiles::make_texels(texture, tile.level, std::int64_t{tile.x} * tile_ - border,
+                       std::int64_t{tile.y} * tile_ - border, pitch(), pitch(), texels_);
+    if (format_ == blocks::kNone) return std::as_bytes(std::span(texels_));
+    packed_.resize(tile_bytes());
+    blocks::encode(format_, first_byte(texels_), pitch(), pitch(), packed_.data());
+    return packed_;
   }
 
   heddle_status upload(const Frame& frame) const {
@@ -340,12 +516,27 @@ class Virtual {
 
   tiles::SceneTextures scene_;
   std::uint32_t tile_ = 0, border_ = 0, uploads_ = 0, in_row_ = 0;
+  std::uint32_t format_ = blocks::kNone;  // of the cache
   std::uint32_t requests_ = kFirstRequests;
   std::vector<std::uint32_t> first_cells_;  // of each texture, in tile_table
+  heddle::texture_store::StoredTextures stored_;
+  std::vector<std::vector<std::byte>> root_bytes_;  // by texture; empty: it is made
+  std::optional<TileReader> reader_;                // where a store is bound
+  heddle_store_counts counted_{};                   // what counters were told of
+  std::vector<UvTree> trees_;                       // by texture
+  struct Planted {
+    std::uint64_t revision = 0, motion_revision = 0;
+    double anisotropy = 0;
+    std::uint32_t filtering = 0;
+    Layout layout;
+    friend bool operator==(const Planted&, const Planted&) = default;
+  };
+  std::optional<Planted> planted_;  // what the trees were made of
   std::optional<Residency> residency_;
   Changes changes_;  // of this frame
   std::vector<Tile> asked_;
   std::vector<tiles::Rgba8> texels_;
+  std::vector<std::byte> packed_;
   double clock_ = 0, last_birth_ = 0;  // s; of the last tile that is faded in
   float birth_ = kLongAgo;
 };

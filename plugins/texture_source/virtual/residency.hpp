@@ -54,8 +54,11 @@ class Residency {
   }
 
   /// asked: what pixels of some frame asked for, in any order, repeated or not. window: frames that a wish lasts.
-  /// budget: uploads, at least one; roots come besides.
-  Changes step(const std::vector<Tile>& asked, std::uint64_t frame, std::uint32_t window, std::uint32_t budget) {
+  /// budget: uploads, at least one; roots come besides. is_ready: whether a tile's texels can be had in this frame; it
+  /// is asked for each that is missing, coarse ones first. Roots always are.
+  template <typename IsReady>
+  Changes step(const std::vector<Tile>& asked, std::uint64_t frame, std::uint32_t window, std::uint32_t budget,
+               const IsReady& is_ready) {
     Changes changes;
     for (Tile tile : asked) {
       if (tile.texture >= roots_.size() || tile.level > roots_[tile.texture]) continue;
@@ -78,17 +81,21 @@ class Residency {
     }
     std::ranges::sort(missing, is_before);
     std::vector<Tile> changed;
-    std::size_t done = 0;
-    for (; done < missing.size(); ++done) {
-      const bool is_root = missing[done].level == roots_[missing[done].texture];
-      if (!is_root && changes.uploads.size() >= budget) break;
+    bool has_room = true;
+    for (const Tile& tile : missing) {
+      const bool is_root = tile.level == roots_[tile.texture];
+      // Asked for in any case: what takes long is then on its way.
+      if (!is_root && !is_ready(tile)) continue;
+      if (!has_room || (!is_root && (changes.uploads.size() >= budget || !resident_.contains(tile.parent().key()))))
+        continue;
       const std::optional<std::uint32_t> slot = room(frame, changes, changed);
-      if (!slot) break;
-      arrive(missing[done], *slot, frame);
-      changes.uploads.push_back({missing[done], *slot});
-      changed.push_back(missing[done]);
+      has_room = slot.has_value();
+      if (!has_room) continue;
+      arrive(tile, *slot, frame);
+      changes.uploads.push_back({tile, *slot});
+      changed.push_back(tile);
     }
-    changes.missing = static_cast<std::uint32_t>(missing.size() - done);
+    changes.missing = static_cast<std::uint32_t>(missing.size() - changes.uploads.size());
     std::ranges::sort(changed, is_before);
     for (const Tile& tile : changed) {
       Tile shown = tile;
@@ -96,6 +103,10 @@ class Residency {
       changes.edits.push_back({tile, shown, resident_.at(shown.key()).slot});
     }
     return changes;
+  }
+
+  Changes step(const std::vector<Tile>& asked, std::uint64_t frame, std::uint32_t window, std::uint32_t budget) {
+    return step(asked, frame, window, budget, [](const Tile&) { return true; });
   }
 
   [[nodiscard]] std::optional<std::uint32_t> slot_of(const Tile& tile) const {

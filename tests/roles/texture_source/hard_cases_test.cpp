@@ -2,112 +2,17 @@
 // The hard cases of role texture_source: the function asked directly, at chosen coordinates, and while the gbuffer
 // draws.
 #include "roles/readme.hpp"
-#include "roles/rendering.hpp"
-
-#include <heddle/components.h>
+#include "roles/texture_source/asking.hpp"
 
 #include <cstdio>
-#include <map>
-#include <random>
 #include <set>
 
 #include "shared/texture_tiles.hpp"
 
 namespace {
 
-using namespace rendering;
+using namespace asking;
 namespace tiles = heddle::texture_tiles;
-
-constexpr std::uint32_t kWidth = 64, kHeight = 48;
-
-std::string exact_text(double value) {
-  char text[40];
-  std::snprintf(text, sizeof text, "%.17g", value);
-  const std::string said = text;
-  return said.find_first_of(".en") == std::string::npos ? said + ".0" : said;
-}
-std::string pair_text(const glm::dvec2& v) {
-  return "[" + exact_text(v.x) + ", " + exact_text(v.y) + ", 0.0]";
-}
-
-std::string probe_graph(const std::string& technique, const std::string& parameters) {
-  return "extent = [64, 48]\noutput = \"ask.values\"\n[[pass]]\nname = \"source\"\nrole = \"texture_source\"\n"
-         "technique = \"" +
-         technique + "\"\n" + parameters + "[[pass]]\nname = \"ask\"\nrole = \"probe\"\ntechnique = \"texture\"\n";
-}
-
-/// A scene whose material 0 has the component, with a lit floor so that there is something to look at.
-struct TextureScene {
-  Scene scene;
-  explicit TextureScene(const std::string& properties) {
-    scene.add_floor({0, 0, 0}, 1);
-    set(0, properties);
-  }
-  void set(std::uint32_t material, const std::string& properties) {
-    check(heddle_scene_set_component(scene.handle, HEDDLE_OWNER_MATERIAL, material, "texture_source.virtual",
-                                     properties.c_str()));
-  }
-};
-
-/// uv of pixel (0, 0), and steps of it to the next pixel in x and in y; all floats.
-struct Camera {
-  glm::dvec2 corner{0, 0}, edge_u{0, 0}, edge_v{0, 0};
-};
-
-void look(Graph& graph, const Camera& camera) {
-  graph.set("ask.params.corner=" + pair_text(camera.corner));
-  graph.set("ask.params.edge_u=" + pair_text(camera.edge_u));
-  graph.set("ask.params.edge_v=" + pair_text(camera.edge_v));
-}
-
-double as_float(double value) {
-  return static_cast<double>(static_cast<float>(value));
-}
-
-/// A parallelogram around `centre`, `texels` of level 0 from pixel to pixel, turned and sheared.
-Camera camera_at(std::mt19937& random, double texels, double extent) {
-  const auto uniform = [&] { return static_cast<double>(random()) * 0x1p-32; };
-  const double angle = 2 * kPi * uniform(), step = texels / extent;
-  const double shear = 0.3 * uniform(), other = angle + kPi / 2 + shear;
-  Camera camera;
-  camera.edge_u = {as_float(step * std::cos(angle)), as_float(step * std::sin(angle))};
-  camera.edge_v = {as_float(step * std::cos(other)), as_float(step * std::sin(other))};
-  camera.corner = {as_float(3 * uniform() - 1), as_float(3 * uniform() - 1)};
-  return camera;
-}
-
-nlohmann::json stats(Graph& graph) {
-  const char* text = nullptr;
-  check(heddle_stats(graph.handle, &text));
-  return nlohmann::json::parse(text);
-}
-std::map<std::string, std::uint64_t> counts(Graph& graph) {
-  std::map<std::string, std::uint64_t> found;
-  const nlohmann::json said = stats(graph);
-  for (const auto& one : said["counts"]) found[one["name"]] = one["count"].get<std::uint64_t>();
-  return found;
-}
-
-void render(Graph& graph, Scene& scene, double time = 0, double step = 0, bool is_cut = false) {
-  heddle_render_options options{};
-  options.struct_size = sizeof options;
-  options.time = time;
-  options.time_step = step;
-  options.cut = is_cut ? 1 : 0;
-  check(heddle_render(graph.handle, scene.handle, &options));
-}
-
-/// Renders until all pixels have asked and nothing is missing any more: 4 frames for spacing 2, 2 of latency.
-int settle(Graph& graph, Scene& scene, int pixels_in_turn = 4) {
-  int frames = 0;
-  for (int quiet = 0; quiet < pixels_in_turn + 3 && frames < 400; ++frames) {
-    render(graph, scene);
-    const auto now = counts(graph);
-    quiet = now.at("tiles_uploaded") == 0 && now.at("tiles_missing") == 0 ? quiet + 1 : 0;
-  }
-  EXPECT_LT(frames, 400) << "never settled";
-  return frames;
-}
 
 std::uint32_t code_of(float linear) {
   const double v = static_cast<double>(linear);
@@ -321,15 +226,6 @@ TEST(TextureSource, WithHalfTheCacheItNeedsItIsCoarserAndStill) {  // H7
   }
 }
 
-double psnr(const Image& a, const Image& b) {
-  double sum = 0;
-  for (std::size_t i = 0; i < a.pixels.size(); ++i) {
-    const double d = static_cast<double>(a.pixels[i]) - static_cast<double>(b.pixels[i]);
-    sum += d * d;
-  }
-  return -10 * std::log10(std::max(sum / static_cast<double>(a.pixels.size()), 1e-30));
-}
-
 TEST(TextureSource, IsTheReferencesPictureWhereAllTilesAreResident) {
   std::mt19937 random(17);
   struct Case {
@@ -359,11 +255,6 @@ TEST(TextureSource, IsTheReferencesPictureWhereAllTilesAreResident) {
     std::printf("%s taps: PSNR %.1f dB\n", named.c_str(), worst);
     EXPECT_GE(worst, 60) << named;
   }
-}
-
-double code_at(const Image& image, std::uint32_t x, std::uint32_t y, std::uint32_t channel) {
-  const double v = static_cast<double>(image.at(x, y, channel));
-  return 255 * (v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1 / 2.4) - 0.055);
 }
 
 TEST(TextureSource, LongFootprintsTakeNothingFromTheNeighboursInTheCache) {  // H5
@@ -556,6 +447,45 @@ TEST(TextureSource, TheGbufferAsksForTilesWhileItDraws) {
   EXPECT_GE(psnr(a, b), 60);
   EXPECT_LT(psnr(c, b), 30) << "without the pass the floor is grey";
   EXPECT_GT(counts(paged)["tiles_resident"], 8U);
+}
+
+TEST(TextureSource, TheTreeKnowsInTheFirstFrameWhatPixelsAskForInTheThird) {
+  Plane plane(true);
+  Graph resident(frame_graph("resident"));
+  const Image expected = resident.image(plane.scene);
+  std::map<std::string, int> first_right;
+  for (const std::string query : {"view", "tree", "both"}) {
+    Graph paged(frame_graph("virtual"));
+    for (const char* setting : {"source.inputs.eye=\"scene.camera\"", "source.params.spacing=\"2\"",
+                                "source.params.uploads=128", "source.params.fade=0.0"})
+      paged.set(setting);
+    paged.set("source.params.query=\"" + query + "\"");
+    first_right[query] = -1;
+    for (int frame = 0; frame < 12; ++frame) {
+      render(paged, plane.scene, 0, 0, frame == 0);
+      if (first_right[query] < 0 && psnr(paged.read(), expected) >= 60) first_right[query] = frame;
+      if (query == "tree") {
+        for (const auto& list : stats(paged)["lists"]) EXPECT_EQ(list["count"], 0) << "no pixel asks";
+      }
+    }
+    const auto now = counts(paged);
+    std::printf("%s: right from frame %d on, %d tiles resident\n", query.c_str(), first_right[query],
+                static_cast<int>(now.at("tiles_resident")));
+    EXPECT_EQ(now.contains("tiles_named"), query != "view");
+  }
+  EXPECT_EQ(first_right["tree"], 0);
+  EXPECT_EQ(first_right["both"], 0);
+  EXPECT_GE(first_right["view"], 2);
+}
+
+TEST(TextureSource, ATreeNeedsAViewInPerspective) {
+  Plane plane(true);
+  Graph graph(frame_graph("virtual"));
+  graph.set("source.params.query=\"tree\"");
+  EXPECT_NE(heddle_render(graph.handle, plane.scene.handle, nullptr), HEDDLE_OK);
+  EXPECT_NE(std::string(heddle_error(Host::get().handle)).find("input 'eye' is bound to nothing; expected: inputs.eye"),
+            std::string::npos)
+      << heddle_error(Host::get().handle);
 }
 
 TEST(TextureSource, WithoutSuchAMaterialThereIsNothing) {  // H8

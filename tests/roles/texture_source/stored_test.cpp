@@ -1,0 +1,233 @@
+// SPDX-License-Identifier: Apache-2.0
+// Textures from a store on disk: the same pictures as of textures that are made in place, nothing waits that should
+// not, every read is of whole clusters, and what is wrong with a file is told.
+#include "roles/texture_source/asking.hpp"
+#include "roles/texture_store/storing.hpp"
+
+#include <gmock/gmock.h>
+
+#include <cstdio>
+
+namespace {
+
+using namespace asking;
+using testing::HasSubstr;
+namespace fs = std::filesystem;
+
+std::string bound(const std::string& job) {
+  return "inputs.store = \"" + job + "#store\"\n";
+}
+constexpr const char* kQuick = "params.spacing = \"2\"\nparams.uploads = 64\nparams.window = 8\n";
+
+TEST(StoredTexture, IsToTheBitThePictureOfTheSameTextureMadeInPlace) {  // H9
+  const std::string job =
+      storing::job_file("road.toml", "params.source = \"road\"\nparams.extent = 2048\nparams.compression = \"none\"\n");
+  TextureScene stored(R"({"source": "stored"})"), made(R"({"source": "road", "extent": 2048})");
+  Graph a(probe_graph("virtual", bound(job) + kQuick)), b(probe_graph("virtual", kQuick));
+  std::mt19937 random(8);
+  for (int i = 0; i < 4; ++i) {
+    // Magnified: of coarser levels the store has filtered ones.
+    const Camera camera = camera_at(random, 0.9, 2048);
+    look(a, camera);
+    look(b, camera);
+    settle(a, stored.scene);
+    settle(b, made.scene);
+    EXPECT_EQ(a.image(stored.scene).pixels, b.image(made.scene).pixels);
+  }
+}
+
+double largest_difference(const Image& a, const Image& b) {
+  double worst = 0;
+  for (std::size_t i = 0; i < a.pixels.size(); ++i)
+    worst = std::max(worst, std::abs(static_cast<double>(a.pixels[i]) - static_cast<double>(b.pixels[i])));
+  return worst;
+}
+
+TEST(StoredTexture, IsTheReferencesPictureInAllLevelsAddressesKernelsAndFormats) {
+  struct Case {
+    const char *kernel, *address, *compression, *filtering;
+    int border;
+  };
+  std::mt19937 random(9);
+  for (const Case& c : {Case{"box2", "wrap", "none", "trilinear", 4}, Case{"gauss3", "mirror", "none", "bilinear", 4},
+                        Case{"sharpen4", "wrap", "bc7", "bilinear", 4},
+                        Case{"sharpen5", "clamp", "none", "bilinear", 4}, Case{"gauss5", "wrap", "bc1", "trilinear", 2},
+                        Case{"box2", "wrap", "bc7", "bilinear", 2}, Case{"gauss3", "wrap", "none", "nearest", 1}}) {
+    const std::string job = storing::job_file(
+        "land.toml", std::string("params.source = \"road\"\nparams.extent = 1024\nparams.kernel = \"") + c.kernel +
+                         "\"\nparams.address = \"" + c.address + "\"\nparams.compression = \"" + c.compression +
+                         "\"\nparams.border = " + std::to_string(c.border) + "\n");
+    TextureScene scene(R"({"source": "stored", "address": ")" + std::string(c.address) + "\"}");
+    const std::string shared = bound(job) + "params.filtering = \"" + c.filtering + "\"\nparams.anisotropy = 4\n";
+    Graph resident(probe_graph("resident", shared));
+    Graph paged(probe_graph("virtual", shared + kQuick)),
+        unpacked(probe_graph("virtual", shared + kQuick + "params.compressed = false\n"));
+    if (c.border < 4)
+      for (Graph* graph : {&resident, &paged, &unpacked}) graph->set("source.params.anisotropy=1");
+    double worst = 1e30, largest = 0, worst_unpacked = 1e30;
+    for (int i = 0; i < 3; ++i) {
+      Camera camera = camera_at(random, std::exp2(-1 + 3.5 * static_cast<double>(random()) * 0x1p-32), 1024);
+      camera.edge_v = {as_float(0.4 * camera.edge_v.x), as_float(0.4 * camera.edge_v.y)};
+      look(resident, camera);
+      look(paged, camera);
+      settle(paged, scene.scene);
+      const Image p = paged.image(scene.scene), r = resident.image(scene.scene);
+      worst = std::min(worst, psnr(p, r));
+      largest = std::max(largest, 255 * largest_difference(p, r));
+      look(unpacked, camera);
+      settle(unpacked, scene.scene);
+      worst_unpacked = std::min(worst_unpacked, psnr(unpacked.image(scene.scene), r));
+    }
+    std::printf("%s, %s, %s, %s, border %d: PSNR %.1f dB, unpacked %.1f dB, largest difference %.3f of 255\n", c.kernel,
+                c.address, c.compression, c.filtering, c.border, worst, worst_unpacked, largest);
+    EXPECT_GE(worst_unpacked, 60) << c.kernel;
+    // Drivers may unpack blocks of sRGB to 8 bits of linear light.
+    EXPECT_LE(largest, 1) << c.kernel;
+  }
+}
+
+/// The largest step across a tile's side and inside tiles, as for tiles that are made.
+std::pair<double, double> steps_of(const std::string& compression, int border) {
+  const std::string job =
+      storing::job_file("ramp.toml", "params.source = \"ramp\"\nparams.extent = 1024\nparams.compression = \"" +
+                                         compression + "\"\nparams.border = " + std::to_string(border) + "\n");
+  TextureScene scene(R"({"source": "stored"})");
+  Graph paged(probe_graph("virtual", bound(job) + kQuick + "params.anisotropy = 1\n"));
+  double across = 0, inside = 0;
+  for (const double corner : {512.0, 384.0}) {
+    look(paged, {{(corner - 8.125) / 1024, (corner - 6.125) / 1024}, {0.25 / 1024, 0}, {0, 0.25 / 1024}});
+    settle(paged, scene.scene);
+    const Image image = paged.image(scene.scene);
+    for (std::uint32_t y = 0; y < kHeight; ++y) {
+      for (std::uint32_t x = 0; x + 1 < kWidth; ++x) {
+        const double left = corner - 8.125 + 0.25 * x;
+        const bool is_edge = left < corner + 0.5 && left + 0.25 > corner - 0.5;
+        double& worst = is_edge ? across : inside;
+        worst = std::max(worst, std::abs(code_at(image, x + 1, y, 0) - code_at(image, x, y, 0)));
+      }
+    }
+  }
+  return {across, inside};
+}
+
+TEST(StoredTexture, TilesSidesShowNoSeamInBlocks) {  // H4
+  for (const char* compression : {"bc1", "bc7"}) {
+    for (const int border : {2, 4}) {
+      const auto [across, inside] = steps_of(compression, border);
+      std::printf("%s, border %d: largest step across %.3f, inside %.3f of 255\n", compression, border, across, inside);
+      EXPECT_LE(across, inside + 1) << compression;
+    }
+    const auto [across, inside] = steps_of(compression, 0);
+    std::printf("%s, border 0: largest step across %.3f, inside %.3f of 255\n", compression, across, inside);
+    EXPECT_GT(across, inside + 1) << "without a border seams are known to show: else this is no test";
+  }
+}
+
+TEST(StoredTexture, ReadsWholeClustersAndLittleMoreThanItNeeds) {
+  const std::string job =
+      storing::job_file("wide.toml", "params.source = \"ramp\"\nparams.extent = 2048\nparams.compression = \"bc7\"\n");
+  TextureScene scene(R"({"source": "stored"})");
+  Graph graph(probe_graph("virtual", bound(job) + "params.spacing = \"2\"\nparams.uploads = 4\nparams.window = 8\n"));
+  std::mt19937 random(5);
+  std::uint64_t read = 0, used = 0, uploaded = 0, in_flight = 0;
+  for (int i = 0; i < 8; ++i) {
+    look(graph, camera_at(random, 1.9, 2048));
+    for (int frame = 0; frame < 12; ++frame) {
+      render(graph, scene.scene, 0, 0, false);
+      const auto now = counts(graph);
+      read += now.at("bytes_read");
+      used += now.at("bytes_used");
+      uploaded += now.at("tiles_uploaded");
+      in_flight = std::max(in_flight, now.at("tiles_in_flight"));
+    }
+  }
+  std::printf("%d tiles, %.3f bytes read for each that was used, %d on their way at most\n", static_cast<int>(uploaded),
+              static_cast<double>(read) / static_cast<double>(used), static_cast<int>(in_flight));
+  EXPECT_GT(uploaded, 20U);
+  EXPECT_EQ(read % 4096, 0U);
+  EXPECT_LE(static_cast<double>(read), 1.25 * static_cast<double>(used));
+  EXPECT_LE(in_flight, 4U * 3U);
+}
+
+TEST(StoredTexture, FramesRepeatToTheBitWhateverTheDiskDoes) {
+  const std::string job =
+      storing::job_file("again.toml", "params.source = \"road\"\nparams.extent = 1024\nparams.tile = \"64\"\n");
+  TextureScene scene(R"({"source": "stored"})");
+  std::vector<std::vector<float>> first;
+  for (int run = 0; run < 2; ++run) {
+    Graph graph(probe_graph("virtual", bound(job) + "params.spacing = \"2\"\nparams.uploads = 2\nparams.window = 8\n"));
+    Camera camera{{0.3, 0.3}, {1.5 / 1024, 0}, {0, 1.5 / 1024}};
+    for (std::size_t frame = 0; frame < 20; ++frame) {
+      camera.corner.x = as_float(camera.corner.x + 40.0 / 1024);
+      look(graph, camera);
+      render(graph, scene.scene, static_cast<double>(frame) / 60, 1.0 / 60);
+      if (run == 0)
+        first.push_back(graph.read().pixels);
+      else
+        EXPECT_EQ(graph.read().pixels, first[frame]) << frame;
+    }
+  }
+}
+
+std::string error_of(Graph& graph, Scene& scene, int frames) {
+  for (int frame = 0; frame < frames; ++frame)
+    if (heddle_render(graph.handle, scene.handle, nullptr) != HEDDLE_OK) return heddle_error(Host::get().handle);
+  return "no error";
+}
+
+TEST(StoredTexture, ErrorsNameTheFileAndWhatIsWrongWithIt) {  // H9
+  const std::string parameters = "params.source = \"terrain\"\nparams.extent = 1024\nparams.seed = 77\n";
+  const storing::Made made = storing::make(parameters);
+  const std::string job = storing::job_file("broken.toml", parameters);
+  TextureScene scene(R"({"source": "stored"})");
+  const Camera camera{{0.3, 0.3}, {0.9 / 1024, 0}, {0, 0.9 / 1024}};
+  // A byte of each tile of the finest level, behind the coarser ones.
+  const auto size = fs::file_size(made.file);
+  {
+    std::fstream file(made.file, std::ios::in | std::ios::out | std::ios::binary);
+    for (std::uint64_t tile = heddle::texture_store::tile_count(2); tile < heddle::texture_store::tile_count(3);
+         ++tile) {
+      file.seekp(static_cast<std::streamoff>(tile * made.store.stride() + 1000));
+      file.put('\x5a').put('\x5a').put('\x5b');
+    }
+  }
+  {
+    Graph graph(probe_graph("virtual", bound(job) + kQuick));
+    look(graph, camera);
+    EXPECT_THAT(error_of(graph, scene.scene, 20),
+                AllOf(HasSubstr(made.file.string() + " was changed since it was made: tile "),
+                      HasSubstr("of level 0 of texture 0"), HasSubstr("its bytes are not those that were written")));
+    Graph resident(probe_graph("resident", bound(job)));
+    EXPECT_THAT(error_of(resident, scene.scene, 1), HasSubstr(" was changed since it was made: tile 0, 0 of level 0"));
+  }
+  {
+    Graph graph(probe_graph("virtual", bound(job) + kQuick));
+    look(graph, camera);
+    render(graph, scene.scene);
+    fs::resize_file(made.file, size / 8);
+    EXPECT_THAT(error_of(graph, scene.scene, 20),
+                AllOf(HasSubstr(made.file.string() + ": error: the store was cut off since it was opened"),
+                      HasSubstr("remove the file: the job makes it again")));
+  }
+  // A new run finds that it is damaged, and makes it again.
+  Graph again(probe_graph("virtual", bound(job) + kQuick));
+  look(again, camera);
+  settle(again, scene.scene);
+  EXPECT_EQ(fs::file_size(made.file), size);
+
+  const std::pair<const char*, const char*> cases[] = {
+      {R"({"source": "stored", "image": 1})", "material 0: texture_source.virtual.image is 1; expected: less than 1, "},
+      {R"({"source": "stored", "address": "clamp"})",
+       "material 0: texture_source.virtual.address is 2; expected: that of the store, 0 "},
+  };
+  for (const auto& [properties, message] : cases) {
+    TextureScene wrong(properties);
+    Graph graph(probe_graph("virtual", bound(job)));
+    EXPECT_THAT(error_of(graph, wrong.scene, 1), HasSubstr(message));
+  }
+  Graph unbound(probe_graph("virtual", ""));
+  EXPECT_THAT(error_of(unbound, scene.scene, 1),
+              HasSubstr("input 'store' is bound to nothing; expected: inputs.store = "));
+}
+
+}  // namespace
