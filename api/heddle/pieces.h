@@ -34,11 +34,11 @@ typedef struct heddle_pieces_service {
   /* In execute of a pass that makes artifacts: what was kept under the key, by whichever process; NULL and 0 if nothing
    * was, or if all is to be made again. In the key already: the technique, its library and shaders, and with gpu stages
    * device and driver. All else that the piece depends on, parameters too, is in `key_bytes` bytes at `key`, borrowed.
-   * *out is the host's, valid until the next call of find. [record-thread] */
+   * *out is the host's, valid until the next call of keep. [record-thread] */
   heddle_status (*find)(const heddle_pass_host* self, heddle_frame* frame, const void* key, uint64_t key_bytes,
                         const void** out, uint64_t* out_bytes);
-  /* ... keeps it, on disk with the artifacts, and whole or not at all; may be gone when it is looked for. Copied.
-   * [record-thread] */
+  /* ... keeps it, on disk with the pass's artifacts when they are, in one file with others; may be gone when it is looked
+   * for. Copied. [record-thread] */
   heddle_status (*keep)(const heddle_pass_host* self, heddle_frame* frame, const void* key, uint64_t key_bytes,
                         const void* data, uint64_t bytes);
 } heddle_pieces_service;

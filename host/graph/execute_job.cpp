@@ -262,6 +262,7 @@ void Executor::State::run_job(const scene::Scene& rendered, const FrameOptions& 
   };
   pass_keys = artifact_keys(original, context);
   pass_codes = code_keys(original, context);
+  piece_packs.clear();
   looked_up.clear();
   if (services.remakes_artifacts || !keeps_artifacts())
     // Those of other jobs stay; what another graph left under a name that this one lacks goes with the rest.
@@ -371,6 +372,7 @@ void Executor::State::keep_lasting(std::uint32_t index) {
   const auto stores = keep_stores(p, parts, sizes);
   std::string file;
   if (keeps_artifacts()) {
+    keep_pieces(p);
     const std::string problem = services.artifacts.write(pass_keys[p], parts);
     if (!problem.empty())
       warn(pass, problem + "; it will be made again next time");

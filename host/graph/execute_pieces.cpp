@@ -19,8 +19,10 @@ namespace heddle::graph {
 namespace {
 
 /// Raised where a piece of before would be taken for what is made now.
-constexpr std::string_view kPieceFormat = "heddle piece 1";
-constexpr std::string_view kPart = "piece";
+constexpr std::string_view kPieceFormat = "heddle piece 1", kPackFormat = "heddle pieces 1";
+/// Beside what a run has asked for, older pieces stay as long as a pack is not larger than this, or than twice as much.
+constexpr std::uint64_t kRoomForOld = 64U << 20;
+constexpr std::size_t kKeyDigits = 32;
 
 void set_content(heddle_surface_item& item, const ContentHash& hash) {
   const std::string digits = hash.hexadecimal();
@@ -135,11 +137,17 @@ heddle_status surface_items(const heddle_pass_host* self, heddle_frame*, const c
   });
 }
 
-std::string piece_key(const PassState& pass, const void* key, std::uint64_t bytes) {
+std::string piece_key(const void* key, std::uint64_t bytes) {
   ContentHash hash;
   hash.add(kPieceFormat);
-  hash.add(executor_of(pass).pass_codes[pass.index]);
   hash.add_long({static_cast<const std::byte*>(key), bytes});
+  return hash.hexadecimal();
+}
+
+std::string pack_key(const std::string& code) {
+  ContentHash hash;
+  hash.add(kPackFormat);
+  hash.add(code);
   return hash.hexadecimal();
 }
 
@@ -152,18 +160,12 @@ heddle_status find_piece(const heddle_pass_host* self, heddle_frame*, const void
   return guarded(pass, [&]() -> heddle_status {
     Executor::State& executor = executor_of(pass);
     if (executor.services.remakes_artifacts || !executor.keeps_artifacts()) return HEDDLE_OK;
-    std::string damage;
-    const std::string name = piece_key(pass, key, key_bytes);
-    std::optional<ArtifactParts> parts = executor.services.artifacts.read(name, damage);
-    const auto part = parts ? parts->find(kPart) : ArtifactParts::iterator{};
-    if (parts && part == parts->end()) damage = "it is no piece";
-    if (!damage.empty())
-      executor.warn(executor.pass_of(pass), fmt::format("the piece {} is damaged: {}; it is made again",
-                                                        executor.services.artifacts.file(name).string(), damage));
-    if (!parts || !damage.empty()) return HEDDLE_OK;
-    executor.found_piece = std::move(part->second);
-    *out = executor.found_piece.data();
-    *out_bytes = executor.found_piece.size();
+    auto& pieces = executor.pieces_of(pass.index).pieces;
+    const auto found = pieces.find(piece_key(key, key_bytes));
+    if (found == pieces.end()) return HEDDLE_OK;
+    found->second.age = 0;
+    *out = found->second.bytes.data();
+    *out_bytes = found->second.bytes.size();
     return HEDDLE_OK;
   });
 }
@@ -173,15 +175,12 @@ heddle_status keep_piece(const heddle_pass_host* self, heddle_frame*, const void
   PassState& pass = state_of(self);
   if (!is_of_artifacts(pass, "a piece of its artifact")) return HEDDLE_BUG;
   return guarded(pass, [&]() -> heddle_status {
-    const Executor::State& executor = executor_of(pass);
+    Executor::State& executor = executor_of(pass);
     if (!executor.keeps_artifacts()) return HEDDLE_OK;
-    ArtifactViews parts;
-    parts[std::string(kPart)] = {static_cast<const std::byte*>(data), bytes};
-    // The artifact that the pieces are of comes after them, and makes room.
-    const std::string problem =
-        executor.services.artifacts.write(piece_key(pass, key, key_bytes), parts, /*makes_room=*/false);
-    if (!problem.empty())
-      executor.warn(executor.pass_of(pass), problem + "; a piece of what it makes will be made again next time");
+    PiecePack& pack = executor.pieces_of(pass.index);
+    const auto* first = static_cast<const std::byte*>(data);
+    pack.pieces.insert_or_assign(piece_key(key, key_bytes), PiecePack::Piece{{first, first + bytes}, 0});
+    pack.is_changed = true;
     return HEDDLE_OK;
   });
 }
@@ -192,6 +191,47 @@ constexpr heddle_pieces_service kPiecesService{sizeof(heddle_pieces_service), 0,
 
 const void* pieces_service(std::string_view id) {
   return id == HEDDLE_PIECES_SERVICE ? &kPiecesService : nullptr;
+}
+
+/// What earlier runs of the pass's technique have kept, read when it is first asked for.
+PiecePack& Executor::State::pieces_of(PassIndex index) {
+  const auto [known, is_new] = piece_packs.try_emplace(pass_codes[index]);
+  if (!is_new) return known->second;
+  const std::string key = pack_key(pass_codes[index]);
+  std::string damage;
+  std::optional<ArtifactParts> parts = services.artifacts.read(key, damage);
+  if (!damage.empty())
+    warn(graph.passes[index], fmt::format("the pieces {} are damaged: {}; they are made again",
+                                          services.artifacts.file(key).string(), damage));
+  if (!parts) return known->second;
+  for (auto& [name, bytes] : *parts) {  // the key's digits, then the age
+    if (name.size() <= kKeyDigits) continue;
+    PiecePack::Piece piece{std::move(bytes), 0};
+    std::from_chars(name.data() + kKeyDigits, name.data() + name.size(), piece.age);
+    ++piece.age;
+    known->second.pieces.emplace(name.substr(0, kKeyDigits), std::move(piece));
+  }
+  return known->second;
+}
+
+/// What the run has asked for, and, as far as there is room, what earlier ones have, the latest first.
+void Executor::State::keep_pieces(PassIndex index) {
+  const auto known = piece_packs.find(pass_codes[index]);
+  if (known == piece_packs.end() || !known->second.is_changed) return;
+  std::vector<const std::pair<const std::string, PiecePack::Piece>*> all;
+  for (const auto& one : known->second.pieces) all.push_back(&one);
+  std::ranges::stable_sort(all, {}, [](const auto* one) { return one->second.age; });
+  std::uint64_t used = 0, total = 0;
+  for (const auto* one : all) used += one->second.age == 0 ? one->second.bytes.size() : 0;
+  ArtifactViews parts;
+  for (const auto* one : all) {
+    total += one->second.bytes.size();
+    if (one->second.age > 0 && total > std::max(kRoomForOld, 2 * used)) break;
+    parts[fmt::format("{}{}", one->first, one->second.age)] = one->second.bytes;
+  }
+  // The artifact that the pieces are of comes after them, and makes room.
+  const std::string problem = services.artifacts.write(pack_key(pass_codes[index]), parts, /*makes_room=*/false);
+  if (!problem.empty()) warn(graph.passes[index], problem + "; pieces of what it makes will be made again next time");
 }
 
 }  // namespace heddle::graph

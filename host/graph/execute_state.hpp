@@ -29,6 +29,16 @@ struct Value {
   std::uint64_t revision = 0;  // of what a scene's components made; 0: of something else
 };
 
+/// Pieces of artifacts (execute_pieces.cpp), all of a technique in one file: scenes have thousands.
+struct PiecePack {
+  struct Piece {
+    std::vector<std::byte> bytes;
+    std::uint32_t age = 0;  // runs in which nobody asked for it; 0: somebody has in this one
+  };
+  std::map<std::string, Piece, std::less<>> pieces;  // by key
+  bool is_changed = false;
+};
+
 /// What a pass made of surfaces, and what the host makes of that in a submission.
 struct SurfacesState {
   scene::MadeSurfaces surfaces;
@@ -405,7 +415,7 @@ struct Executor::State : FrameMemory {
   std::vector<std::string> pass_keys;                   // parallel to original.passes
   std::vector<std::string> pass_codes;                  // the same: of library, shaders and device alone
   std::vector<heddle_surface_item> surface_items;       // of the port that was asked for last (execute_pieces.cpp)
-  std::vector<std::byte> found_piece;                   // that was asked for last
+  std::map<std::string, PiecePack> piece_packs;         // by code, of passes that have asked for one in this run
   std::vector<std::string> wave;                        // what the present plan is for
   std::vector<std::unique_ptr<Executor>> jobs;          // parallel to original.jobs
   std::string jobs_scene;                               // that these were run for, but for places; empty: they are due
@@ -416,6 +426,8 @@ struct Executor::State : FrameMemory {
   [[nodiscard]] std::vector<std::string> frame_wants() const;
   [[nodiscard]] std::vector<ResourceIndex> needed_artifacts(const std::vector<std::string>& features) const;
   [[nodiscard]] bool keeps_artifacts() const;
+  PiecePack& pieces_of(PassIndex pass);
+  void keep_pieces(PassIndex pass);
   bool run_jobs(const scene::Scene& scene);
   void adopt_jobs(const std::vector<GraphJob>& former);
   void run_job(const scene::Scene& scene, const FrameOptions& options, const std::vector<std::string>& names);
