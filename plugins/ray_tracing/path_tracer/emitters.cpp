@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "emitters.hpp"
 
-#include "hemisphere.hpp"
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -199,18 +197,12 @@ LightSample Emitters::sample_far(const dvec3& point, const dvec3& normal, double
   return chosen != nullptr ? sample_light_of(*chosen, share, point, u) : LightSample{};
 }
 
-LightSample Emitters::sample_sky(const dvec3& normal, const dvec2& u) const {
+LightSample Emitters::sample_sky(const dvec2& u) const {
+  const SkyMap::Drawn drawn = sky_->sample(u);
   LightSample sample;
+  sample.arrival = {drawn.direction, kInfinity, drawn.radiance, drawn.pdf};
   sample.probability = 1.0;
   sample.has_size = sample.can_be_met = true;
-  if (!sky_->is_even()) {
-    const SkyMap::Drawn drawn = sky_->sample(u);
-    sample.arrival = {drawn.direction, kInfinity, drawn.radiance, drawn.pdf};
-  } else {
-    // Of an even sky the cosine is all that tells directions apart.
-    const dvec3 local = sampling::sample_cosine_hemisphere(u), direction = sampling::basis_around(normal) * local;
-    sample.arrival = {direction, kInfinity, sky_->radiance(direction), local.z / pi};
-  }
   return sample;
 }
 
@@ -218,7 +210,7 @@ LightSample Emitters::sample(Kind kind, const dvec3& point, const dvec3& normal,
                              const dvec2& u) const {
   switch (kind) {
     case Kind::kSky:
-      return sample_sky(normal, u);
+      return sample_sky(u);
     case Kind::kNear:
       return sample_near(point, normal, u_choice, u);
     case Kind::kFar:
@@ -227,9 +219,8 @@ LightSample Emitters::sample(Kind kind, const dvec3& point, const dvec3& normal,
   return sample_far(point, normal, u_choice, u);
 }
 
-Emitters::Background Emitters::background(const dvec3& normal, const dvec3& direction) const {
-  if (!sky_->shines()) return {};
-  if (sky_->is_even()) return {sky_->radiance(direction), std::max(glm::dot(normal, direction), 0.0) / pi};
+Emitters::Background Emitters::background(const dvec3& direction) const {
+  if (!has(Kind::kSky)) return {sky_->radiance(direction), 0.0};
   const SkyMap::Drawn seen = sky_->look(direction);
   return {seen.radiance, seen.pdf};
 }

@@ -29,11 +29,14 @@ class Emitters {
   void update(std::span<const HeddleLight> lights, std::span<const glm::vec4> light_textures, const glm::dvec3& origin,
               const Geometry& geometry, const Surfaces& surfaces, const SkyMap& sky, bool glows);
 
-  /// Kinds of emitters: of each one is drawn, whatever there is of the others.
+  /// Kinds of emitters: of each one is drawn, whatever there is of the others. Not of an even sky: what tells its
+  /// directions apart is the surface that reflects them, and the samples of its material are drawn by that.
   enum class Kind : std::uint32_t { kSky, kNear, kFar };  // the tree's; directional lights and boxes
   static constexpr std::array<Kind, 3> kKinds{Kind::kNear, Kind::kSky, Kind::kFar};
   [[nodiscard]] bool has(Kind kind) const {
-    return kind == Kind::kSky ? sky_->shines() : kind == Kind::kNear ? !tree_.is_empty() : !outside_.empty();
+    return kind == Kind::kSky    ? sky_->shines() && !sky_->is_even()
+           : kind == Kind::kNear ? !tree_.is_empty()
+                                 : !outside_.empty();
   }
   [[nodiscard]] LightSample sample(Kind kind, const glm::dvec3& point, const glm::dvec3& normal, double u_choice,
                                    const glm::dvec2& u) const;
@@ -52,7 +55,7 @@ class Emitters {
     double pdf = 0.0;
   };
   /// The sky, and the density per steradian with which sample() draws it, in this direction.
-  [[nodiscard]] Background background(const glm::dvec3& normal, const glm::dvec3& direction) const;
+  [[nodiscard]] Background background(const glm::dvec3& direction) const;
   /// ... and of a point of a glowing triangle, `distance` away; 0 if it is no emitter.
   [[nodiscard]] double pdf_triangle(const glm::dvec3& point, const glm::dvec3& normal, std::uint32_t triangle,
                                     const Foot& foot, const glm::dvec3& direction, double distance) const;
@@ -73,7 +76,7 @@ class Emitters {
   [[nodiscard]] Weights weigh(const glm::dvec3& point, const glm::dvec3& normal) const;
   /// Of a light that is not in the tree: about the lux that it sends; 0 only where it sends none.
   [[nodiscard]] double weight_of(const Light& light, const glm::dvec3& point, const glm::dvec3& normal) const;
-  [[nodiscard]] LightSample sample_sky(const glm::dvec3& normal, const glm::dvec2& u) const;
+  [[nodiscard]] LightSample sample_sky(const glm::dvec2& u) const;
   [[nodiscard]] LightSample sample_near(const glm::dvec3& point, const glm::dvec3& normal, double u_choice,
                                         const glm::dvec2& u) const;
   [[nodiscard]] LightSample sample_far(const glm::dvec3& point, const glm::dvec3& normal, double u_choice,

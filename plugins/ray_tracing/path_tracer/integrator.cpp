@@ -207,7 +207,7 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
         break;
       }
       if (emitters->sky().shines()) {
-        const Emitters::Background seen = emitters->background(from_normal, ray.direction);
+        const Emitters::Background seen = emitters->background(ray.direction);
         add(seen.radiance * weight(from_pdf, seen.pdf));
       }
       emitters->meet_discs(from, from_normal, ray.direction,

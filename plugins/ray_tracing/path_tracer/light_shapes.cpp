@@ -22,6 +22,8 @@ constexpr double kLeastConeWidth = 1e-3;  // light.glsl: kLightMinimumConeWidth
 // Below this solid angle, steradians, a rectangle is sampled by area: from there on its density changes by less than it
 // would gain, and Ureña's angles begin to cancel.
 constexpr double kSmallRectangle = 1e-3;
+// Metres over a rectangle's plane below which a point is in it: squares of less vanish.
+constexpr double kLeastHeight = 1e-100;
 
 dvec3 vector_of(const float v[3]) {
   return {v[0], v[1], v[2]};
@@ -35,6 +37,11 @@ double angular(const Light& light, double cosine) {
   const double width = std::max(d(light.record.cos_inner) - d(light.record.cos_outer), kLeastConeWidth);
   const double t = std::clamp((cosine - d(light.record.cos_outer)) / width, 0.0, 1.0);
   return light.record.type == HEDDLE_LIGHT_SPOT ? t * t : t * t * (3.0 - 2.0 * t);
+}
+
+/// Of metres, whose squares neither overflow nor vanish here: without the care, and the time, of std::hypot.
+double length_of(double x, double y) {
+  return std::sqrt(x * x + y * y);
 }
 
 dvec3 local_in_box(const Light& light, const dvec3& point) {
@@ -66,7 +73,7 @@ class SphericalRectangle {
     const dvec3 to_center = light.position - point;
     height_ = -glm::dot(to_center, light.direction);  // > 0 on the side that shines
     center_ = {glm::dot(to_center, light.tangent), glm::dot(to_center, light.bitangent)};
-    if (height_ <= 0.0 || half_.x <= 0.0 || half_.y <= 0.0) return;
+    if (height_ <= kLeastHeight || half_.x <= 0.0 || half_.y <= 0.0) return;
     area_ = 4.0 * half_.x * half_.y;
     const dvec2 nearest = glm::max(glm::abs(center_) - half_, dvec2(0.0));
     const double nearest_squared = glm::dot(nearest, nearest) + height_ * height_;
@@ -79,8 +86,8 @@ class SphericalRectangle {
     y1_ = center_.y + half_.y;
     // The rectangle lies at -height on the z axis of Ureña's frame. Normals of the four planes through its edges.
     const double z = -height_;
-    const double n0 = -y0_ / std::hypot(y0_, z), n1 = x1_ / std::hypot(x1_, z);
-    const double n2 = y1_ / std::hypot(y1_, z), n3 = -x0_ / std::hypot(x0_, z);
+    const double n0 = -y0_ / length_of(y0_, z), n1 = x1_ / length_of(x1_, z);
+    const double n2 = y1_ / length_of(y1_, z), n3 = -x0_ / length_of(x0_, z);
     b0_ = n0;
     b1_ = n2;
     const double g0 = std::acos(std::clamp(-n0 * n1, -1.0, 1.0)), g1 = std::acos(std::clamp(-n1 * n2, -1.0, 1.0));
@@ -101,8 +108,8 @@ class SphericalRectangle {
     const double cu = std::clamp(std::copysign(1.0 / std::sqrt(fu * fu + b0_ * b0_), fu), -1.0, 1.0);
     const double z = -height_;
     const double xu = std::clamp(-(cu * z) / std::max(std::sqrt(1.0 - cu * cu), 1e-12), x0_, x1_);
-    const double dist = std::hypot(xu, z);
-    const double h0 = y0_ / std::hypot(dist, y0_), h1 = y1_ / std::hypot(dist, y1_);
+    const double dist = length_of(xu, z);
+    const double h0 = y0_ / length_of(dist, y0_), h1 = y1_ / length_of(dist, y1_);
     const double hv = h0 + u.y * (h1 - h0), hv2 = hv * hv;
     const double yv = hv2 < 1.0 - 1e-12 ? hv * dist / std::sqrt(1.0 - hv2) : y1_;
     return dvec2(xu, std::clamp(yv, y0_, y1_)) - center_;
@@ -294,15 +301,15 @@ Arrival meet_light(const Light& light, const dvec3& point, const dvec3& directio
     return {direction, distance, light.intensity * light.window(ball.distance_squared), ball.pdf()};
   }
   if (light.record.type == HEDDLE_LIGHT_RECTANGLE) {
-    const SphericalRectangle seen(light, point);
-    if (!seen.is_seen()) return {};
-    // Along the plane: infinite, or no number, and not met.
+    // Along the plane: infinite, or no number, and not met. Most rays miss: how large the light is seen comes last.
     const double distance = glm::dot(light.position - point, light.direction) / glm::dot(direction, light.direction);
     if (!(distance > first && distance <= length)) return {};
-    const dvec3 on = point + distance * direction - light.position;
+    const dvec3 on = point + direction * distance - light.position;
     const dvec2 place(glm::dot(on, light.tangent), glm::dot(on, light.bitangent));
     if (std::abs(place.x) > d(light.record.half_extent[0]) || std::abs(place.y) > d(light.record.half_extent[1]))
       return {};
+    const SphericalRectangle seen(light, point);
+    if (!seen.is_seen()) return {};
     return {direction, distance, rectangle_value(light, point, place, light_textures), seen.pdf(place)};
   }
   // A disc, infinitely far away.

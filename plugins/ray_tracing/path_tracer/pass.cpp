@@ -103,24 +103,26 @@ constexpr std::uint32_t kLeastRound = kReplicates;
 class Camera {
  public:
   Camera(const HeddleView& view, const dvec3& origin)
-      : view_(view), rel_from_view_(glm::dmat4(glm::make_mat4(view.rel_from_view))), origin_(origin) {}
+      : scale_(2.0 / glm::dvec2(view.extent[0], view.extent[1])),
+        jitter_(view.jitter[0], view.jitter[1]),
+        half_size_(view.half_size[0], -view.half_size[1]),
+        near_(static_cast<double>(view.near_distance)),
+        is_flat_(view.is_orthographic != 0),
+        axes_(glm::dmat4(glm::make_mat4(view.rel_from_view))),
+        origin_(origin + dvec3(glm::dmat4(glm::make_mat4(view.rel_from_view))[3])) {}
 
   /// `place`: in the pixel, from its upper left corner.
   [[nodiscard]] Ray ray(std::uint32_t x, std::uint32_t y, const glm::dvec2& place) const {
-    const glm::dvec2 jitter(view_.jitter[0], view_.jitter[1]), extent(view_.extent[0], view_.extent[1]);
-    const glm::dvec2 ndc = (glm::dvec2(x, y) + place - jitter) * 2.0 / extent - 1.0;
-    const glm::dvec2 at = ndc * glm::dvec2(view_.half_size[0], -view_.half_size[1]);
-    const double near = static_cast<double>(view_.near_distance);
-    const bool is_flat = view_.is_orthographic != 0;
-    const dvec3 start = is_flat ? dvec3(at, -near) : dvec3(at, -1.0) * near;
-    const dvec3 along = is_flat ? dvec3(0, 0, -1) : glm::normalize(dvec3(at, -1.0));
-    return {origin_ + dvec3(rel_from_view_ * glm::dvec4(start, 1.0)),
-            glm::normalize(glm::dmat3(rel_from_view_) * along)};
+    const glm::dvec2 at = ((glm::dvec2(x, y) + place - jitter_) * scale_ - 1.0) * half_size_;
+    const dvec3 start = is_flat_ ? dvec3(at, -near_) : dvec3(at, -1.0) * near_;
+    return {origin_ + axes_ * start, glm::normalize(axes_ * (is_flat_ ? dvec3(0, 0, -1) : dvec3(at, -1.0)))};
   }
 
  private:
-  HeddleView view_;
-  glm::dmat4 rel_from_view_;
+  glm::dvec2 scale_, jitter_, half_size_;
+  double near_;
+  bool is_flat_;
+  glm::dmat3 axes_;
   dvec3 origin_;
 };
 

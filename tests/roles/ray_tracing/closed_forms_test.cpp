@@ -170,7 +170,7 @@ void add_furnace_answers(std::vector<Answer>& answers) {
       scene.add_floor({0, 0, 0}, 5.0);
       look_at_floor(scene, 0.4);
       answers.push_back({"white furnace " + std::to_string(roughness) + " " + std::to_string(metalness), 1.0, 6e-4,
-                         measure(scene, graph_text(tracer(64), kEvenSky))});
+                         measure(scene, graph_text(tracer(256), kEvenSky))});
     }
   // A white room with a window: after any number of bounces, light 1 is light 1.
   Scene room;
@@ -202,7 +202,7 @@ void add_albedo_answers(std::vector<Answer>& answers) {
             std::string("params.multiple_scattering = ") + (is_compensated ? "true" : "false") + "\n";
         answers.push_back({std::string(is_compensated ? "albedo " : "albedo of single scattering ") +
                                std::to_string(roughness) + " " + std::to_string(metalness),
-                           rgb[0], 6e-4, measure(scene, graph_text(tracer(128, more), kEvenSky))});
+                           rgb[0], 6e-4, measure(scene, graph_text(tracer(512, more), kEvenSky))});
       }
 }
 
