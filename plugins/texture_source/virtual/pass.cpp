@@ -12,6 +12,7 @@
 #include <bit>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <span>
 #include <utility>
 
@@ -32,6 +33,8 @@ constexpr const char* kTiles[] = {"64", "128", "256", nullptr};
 constexpr std::uint32_t kTileSizes[] = {64, 128, 256};
 constexpr const char* kSpacings[] = {"16", "8", "4", "2", nullptr};
 constexpr std::uint32_t kSpacingLog2[] = {4, 3, 2, 1};
+constexpr const char* kUploads[] = {"one_copy", "copy_each", nullptr};
+constexpr const char* kTables[] = {"gpu", "cpu", nullptr};
 constexpr const char* kQueries[] = {"view", "tree", "both", nullptr};
 enum : std::uint32_t { kView, kTree };
 constexpr double kFilterLadder[] = {0, 1, 2};
@@ -56,6 +59,11 @@ constexpr heddle_parameter kParameters[] = {
          kUploadsLadder),
     knob(choice("spacing", kSpacings, 1, "of each square of so many pixels a side one asks in a frame"),
          kSpacingLadder),
+    choice("copies", kUploads, 0, "of tiles into the cache: one command for all of a frame's, or one for each"),
+    choice(
+        "table", kTables, 0,
+        "who edits it: gpu, a list of squares that shaders fill; cpu, a copy of it from which changed cells are sent",
+        HEDDLE_PARAMETER_REDECLARE),
     choice("query", kQueries, 0,
            "what says which tiles are wanted: pixels that are drawn; a tree over the texture that knows where in the "
            "world it lies, for input eye; both"),
@@ -105,18 +113,20 @@ constexpr heddle_access kStageAccesses[] = {transfer_write("tile_staging")};
 constexpr heddle_access kUploadAccesses[] = {transfer_read("tile_staging"), transfer_write("tile_cache")};
 constexpr heddle_access kPublishAccesses[] = {value("tile_edits"), storage_write("tile_table"),
                                               transfer_write("slot_births")};
+constexpr heddle_access kRewriteAccesses[] = {transfer_write("tile_table")};
 constexpr heddle_access kFunctionAccesses[] = {
     value("virtual_materials"),   value("virtual_state"),      storage_read("tile_table"),
     sampled_linear("tile_cache"), storage_read("slot_births"), appended("requests"),
 };
 
 // Texels are in the cache before an entry of the table names them.
-enum : std::uint32_t { kManage, kStage, kUpload, kPublish };
+enum : std::uint32_t { kManage, kStage, kUpload, kPublish, kRewrite };
 constexpr heddle_stage kStages[] = {
     late(kLatency, cpu_stage("manage", kManageAccesses)),
     gpu_stage("stage", kStageAccesses),
     gpu_stage("upload", kUploadAccesses),
     gpu_stage("publish", kPublishAccesses),
+    gpu_stage("rewrite", kRewriteAccesses),
 };
 constexpr heddle_shader kShaders[] = {compute_shader("fill", "publish", "fill.comp.glsl")};
 constexpr heddle_function kFunctions[] = {function("texture_source", "virtual.glsl", kFunctionAccesses)};
@@ -138,6 +148,7 @@ class Virtual {
     border_ = stored_.is_open() ? stored_.store().header.border : static_cast<std::uint32_t>(host.integer("border"));
     format_ = stored_.is_open() && host.toggle("compressed") ? stored_.store().header.compression : blocks::kNone;
     uploads_ = static_cast<std::uint32_t>(host.integer("uploads"));
+    edits_by_ = host.choice("table");
     const auto side = static_cast<std::uint32_t>(host.integer("cache"));
     in_row_ = std::min(side / pitch(), kMostSlotsInRow);
     const std::uint32_t textures = static_cast<std::uint32_t>(scene_.textures.size());
@@ -221,7 +232,12 @@ class Virtual {
     if (changes_.edits.empty()) return HEDDLE_OK;
     if (frame.stage() == kStage) return stage(frame);
     if (frame.stage() == kUpload) return upload(frame);
-    return publish(frame);
+    return frame.stage() == kPublish ? publish(frame) : rewrite(frame);
+  }
+
+  /// The table is written by shaders or sent: what has nothing to do keeps it.
+  [[nodiscard]] std::uint32_t activity(const Frame& frame) const {
+    return frame.stage() == kRewrite && frame.host().choice("table") == 0 ? HEDDLE_KEEP : HEDDLE_RUN;
   }
 
   void counted(const PassHost& host, const heddle_list_count& count) {
@@ -236,12 +252,12 @@ class Virtual {
   [[nodiscard]] std::uint64_t tile_bytes() const { return blocks::bytes_of(format_, pitch(), pitch()); }
   struct Layout {
     std::vector<tiles::Texture> textures;
-    std::uint32_t tile = 0, border = 0, in_row = 0, format = 0;
+    std::uint32_t tile = 0, border = 0, in_row = 0, format = 0, table = 0;
     std::vector<std::byte> store;
     friend bool operator==(const Layout&, const Layout&) = default;
   };
   [[nodiscard]] Layout layout() const {
-    return {scene_.textures, tile_, border_, in_row_, format_, stored_.artifact()};
+    return {scene_.textures, tile_, border_, in_row_, format_, edits_by_, stored_.artifact()};
   }
   /// An arrival and an eviction for each upload, and the roots.
   [[nodiscard]] std::uint32_t edit_room() const {
@@ -355,6 +371,9 @@ class Virtual {
     std::vector<std::uint32_t> roots;
     for (std::uint32_t t = 0; t < scene_.textures.size(); ++t) roots.push_back(root_of(t));
     residency_.emplace(in_row_ * in_row_, std::move(roots));
+    std::size_t cells = 0;
+    for (std::uint32_t t = 0; t < scene_.textures.size(); ++t) cells += cells_below(root_of(t));
+    table_.assign(host.choice("table") == 0 ? 0 : cells, 0);
     clock_ = last_birth_ = 0;
   }
 
@@ -482,10 +501,11 @@ class Virtual {
       region.imageExtent = {pitch(), pitch(), 1};
       regions.push_back(region);
     }
-    if (!regions.empty())
+    const std::size_t at_once = frame.host().choice("copies") == 0 ? std::max<std::size_t>(regions.size(), 1) : 1;
+    for (std::size_t first = 0; first < regions.size(); first += at_once)
       frame.vulkan().CmdCopyBufferToImage(frame.command_buffer(), frame.buffer("tile_staging"),
                                           frame.image("tile_cache"), VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
-                                          static_cast<std::uint32_t>(regions.size()), regions.data());
+                                          static_cast<std::uint32_t>(at_once), regions.data() + first);
     return HEDDLE_OK;
   }
 
@@ -497,6 +517,7 @@ class Virtual {
           frame.update_buffer("slot_births", std::uint64_t{4} * one.slot, std::span<const float>(&birth, 1));
       if (status != HEDDLE_OK) return status;
     }
+    if (frame.host().choice("table") != 0) return HEDDLE_OK;
     // Coarse tiles before fine ones, which write into the same cells.
     for (std::size_t first = 0; first < changes_.edits.size();) {
       const std::uint32_t level = changes_.edits[first].tile.level;
@@ -514,9 +535,47 @@ class Virtual {
     return HEDDLE_OK;
   }
 
+  /// The same cells, set in a copy; of each level of each texture what lies between the first that changed and the last
+  /// one is sent.
+  heddle_status rewrite(const Frame& frame) {
+    if (table_.empty()) return HEDDLE_OK;  // a frame in which every stage runs, whatever it answers
+    std::map<std::pair<std::uint32_t, std::uint32_t>, std::pair<std::size_t, std::size_t>> changed;
+    for (const Changes::Edit& edit : changes_.edits) {
+      const std::uint32_t n = root_of(edit.tile.texture);
+      for (std::uint32_t depth = 0; depth <= edit.tile.level; ++depth) {
+        const std::uint32_t level = edit.tile.level - depth, in_row = 1U << (n - level);
+        const std::size_t side = std::size_t{1} << depth;
+        const std::size_t begin = first_cells_[edit.tile.texture] + cells_below(n) - cells_below(n - level);
+        const std::size_t first =
+            begin + (std::size_t{edit.tile.y} << depth) * in_row + (std::size_t{edit.tile.x} << depth);
+        for (std::size_t row = 0; row < side; ++row)
+          std::fill_n(table_.begin() + static_cast<std::ptrdiff_t>(first + row * in_row), side,
+                      entry(edit.slot, edit.shown));
+        const std::size_t end = first + (side - 1) * in_row + side;
+        const auto [found, is_new] = changed.try_emplace({edit.tile.texture, level}, first, end);
+        if (!is_new) found->second = {std::min(found->second.first, first), std::max(found->second.second, end)};
+      }
+    }
+    std::uint64_t sent = 0;
+    for (const auto& [place, cells] : changed) {
+      for (std::size_t at = cells.first; at < cells.second; at += kMostUpdate / 4) {
+        const std::size_t count = std::min<std::size_t>(kMostUpdate / 4, cells.second - at);
+        const heddle_status status = frame.update_buffer("tile_table", std::uint64_t{4} * at,
+                                                         std::span<const std::uint32_t>(table_).subspan(at, count));
+        if (status != HEDDLE_OK) return status;
+        sent += 4 * count;
+      }
+    }
+    if (const auto* counters = frame.host().service<heddle_counters_service>(HEDDLE_COUNTERS_SERVICE);
+        counters != nullptr)
+      counters->add(frame.host().raw(), "table_bytes_sent", sent);
+    return HEDDLE_OK;
+  }
+
   tiles::SceneTextures scene_;
   std::uint32_t tile_ = 0, border_ = 0, uploads_ = 0, in_row_ = 0;
   std::uint32_t format_ = blocks::kNone;  // of the cache
+  std::uint32_t edits_by_ = 0;            // of kTables
   std::uint32_t requests_ = kFirstRequests;
   std::vector<std::uint32_t> first_cells_;  // of each texture, in tile_table
   heddle::texture_store::StoredTextures stored_;
@@ -531,7 +590,8 @@ class Virtual {
     Layout layout;
     friend bool operator==(const Planted&, const Planted&) = default;
   };
-  std::optional<Planted> planted_;  // what the trees were made of
+  std::optional<Planted> planted_;    // what the trees were made of
+  std::vector<std::uint32_t> table_;  // table cpu: what tile_table holds
   std::optional<Residency> residency_;
   Changes changes_;  // of this frame
   std::vector<Tile> asked_;

@@ -478,6 +478,39 @@ TEST(TextureSource, TheTreeKnowsInTheFirstFrameWhatPixelsAskForInTheThird) {
   EXPECT_GE(first_right["view"], 2);
 }
 
+TEST(TextureSource, EveryWayOfCopyingAndOfEditingTheTableGivesTheSameBytes) {
+  constexpr std::uint32_t kExtent = 16384;
+  TextureScene scene(R"({"source": "uvgrid", "extent": 16384})");
+  std::vector<std::vector<float>> expected;
+  for (const char* table : {"gpu", "cpu"}) {
+    for (const char* copies : {"one_copy", "copy_each"}) {
+      Graph graph(
+          probe_graph("virtual", std::string("params.filtering = \"nearest\"\nparams.uploads = 5\nparams.window = 4\n"
+                                             "params.cache = 640\nparams.table = \"") +
+                                     table + "\"\nparams.copies = \"" + copies + "\"\n"));
+      std::mt19937 random(12);
+      std::uint64_t sent = 0, evicted = 0;
+      Camera camera;
+      for (std::size_t frame = 0; frame < 48; ++frame) {
+        if (frame % 8 == 0) camera = camera_at(random, std::exp2(6 * static_cast<double>(random()) * 0x1p-32), kExtent);
+        look(graph, camera);
+        render(graph, scene.scene);
+        const auto now = counts(graph);
+        evicted += now.at("tiles_evicted");
+        if (const auto found = now.find("table_bytes_sent"); found != now.end()) sent += found->second;
+        if (expected.size() <= frame)
+          expected.push_back(graph.read().pixels);
+        else
+          ASSERT_EQ(graph.read().pixels, expected[frame]) << table << ", " << copies << ", frame " << frame;
+      }
+      std::printf("%s, %s: %d tiles evicted, %d bytes of the table sent\n", table, copies, static_cast<int>(evicted),
+                  static_cast<int>(sent));
+      EXPECT_GT(evicted, 5U) << "no test of evictions";
+      EXPECT_EQ(sent > 0, std::string(table) == "cpu");
+    }
+  }
+}
+
 TEST(TextureSource, ATreeNeedsAViewInPerspective) {
   Plane plane(true);
   Graph graph(frame_graph("virtual"));
