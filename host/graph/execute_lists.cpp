@@ -61,7 +61,7 @@ void Executor::State::begin_lists(std::uint32_t stage, std::uint32_t activity) {
     const AccessInfo next = list_access(scheduled, list);
     Barrier barrier;
     barrier.resource = list;
-    barrier.source_stages = VK_PIPELINE_STAGE_2_CLEAR_BIT;
+    barrier.source_stages = VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT;  // a fill is a clear to some layers, a copy to others
     barrier.source_access = VK_ACCESS_2_TRANSFER_WRITE_BIT;
     barrier.target_stages = next.stages | VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT;
     barrier.target_access = next.access | VK_ACCESS_2_TRANSFER_READ_BIT;

@@ -460,7 +460,7 @@ void Executor::State::initialize_kept() {
         device->table().CmdFillBuffer(buffer, state.buffer.handle(), 0, VK_WHOLE_SIZE, 0);
         // That the host waits makes it available, and visible to nobody.
         VkMemoryBarrier2 memory{VK_STRUCTURE_TYPE_MEMORY_BARRIER_2};
-        memory.srcStageMask = VK_PIPELINE_STAGE_2_CLEAR_BIT;
+        memory.srcStageMask = VK_PIPELINE_STAGE_2_ALL_TRANSFER_BIT;
         memory.srcAccessMask = VK_ACCESS_2_TRANSFER_WRITE_BIT;
         memory.dstStageMask = VK_PIPELINE_STAGE_2_ALL_COMMANDS_BIT;
         memory.dstAccessMask = VK_ACCESS_2_MEMORY_READ_BIT | VK_ACCESS_2_MEMORY_WRITE_BIT;

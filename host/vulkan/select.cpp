@@ -43,9 +43,9 @@ constexpr std::array kNeededCore = {
     HEDDLE_CORE(shaderStorageImageWriteWithoutFormat),
     HEDDLE_CORE(shaderStorageImageExtendedFormats),
 };
-constexpr std::array kNeeded12 = {HEDDLE_12(timelineSemaphore), HEDDLE_12(hostQueryReset),
+constexpr std::array kNeeded12 = {HEDDLE_12(timelineSemaphore),           HEDDLE_12(hostQueryReset),
                                   HEDDLE_12(separateDepthStencilLayouts), HEDDLE_12(uniformBufferStandardLayout),
-                                  HEDDLE_12(vulkanMemoryModel)};
+                                  HEDDLE_12(vulkanMemoryModel),           HEDDLE_12(vulkanMemoryModelDeviceScope)};
 constexpr std::array kNeeded13 = {HEDDLE_13(synchronization2), HEDDLE_13(dynamicRendering), HEDDLE_13(maintenance4),
                                   HEDDLE_13(shaderDemoteToHelperInvocation), HEDDLE_13(shaderTerminateInvocation)};
 
