@@ -23,7 +23,8 @@ constexpr std::uint32_t kMostLights = 4096;
 constexpr const char* kSettings = "shadow.settings";  // component of a light: role.toml
 
 constexpr double kMostDistance = 100.0;      // metres: of `distance` 0, in scenes of things of a usual size
-constexpr double kDistanceOfNearest = 50.0;  // of `nearest` 0
+constexpr double kUsualNearest = 2.0;        // metres: of `nearest` 0 ...
+constexpr double kDistanceOfNearest = 50.0;  // ... and of it where `distance` goes by the scene
 
 constexpr double kResolutionLadder[] = {512, 1024, 2048, 4096};
 constexpr double kCascadesLadder[] = {1, 2, 3, 4, 6, 8};
@@ -39,7 +40,7 @@ constexpr heddle_parameter kParameters[] = {
     integer("suns", "1", 1, kMostSuns, 1, "directional lights that there is room for", HEDDLE_PARAMETER_REDECLARE),
     parameter("distance", "m", 0, 1e7, 0, "how far from the camera lights cast shadows; 0: by the scene"),
     parameter("nearest", "m", 0, 1e7, 0,
-              "distance from which on texels may grow as pixels do; 0: a fiftieth of the other"),
+              "distance from which on texels may grow as pixels do; 0: 2, or by the scene as well"),
     knob(parameter("split", "1", 0, 1, 0.8, "1: cascades reach farther by equal factors; 0: by equal distances"),
          kSplitLadder),
     parameter("caster_distance", "m", 0, 1e7, 200, "how far towards the light, outside of the view, casters are drawn"),
@@ -127,14 +128,15 @@ class Cascaded : public depth_maps::DepthMapAtlas {
     begin_maps();
     lights_.assign(std::min<std::size_t>(lights.size(), kMostLights), LightCascades{});
     if (camera.empty()) return HEDDLE_OK;
-    if (general.distance <= 0.0) {
+    const bool goes_by_scene = general.distance <= 0.0;
+    if (goes_by_scene) {
       const auto [distance, caster_distance] =
           depth_maps::reach_of_scene(frame.host(), camera.front(), origin, kMostDistance, general.caster_distance);
       general.distance = distance;
       general.caster_distance = caster_distance;
     }
     reach_ = general.distance;
-    if (general.nearest <= 0.0) general.nearest = general.distance / kDistanceOfNearest;
+    if (general.nearest <= 0.0) general.nearest = goes_by_scene ? reach_ / kDistanceOfNearest : kUsualNearest;
     std::size_t without_map = 0;
     for (const std::size_t i : order_of(lights, *components)) {
       if (i >= lights_.size() || map_count() == std::size_t{capacity_} * general.cascades) {
