@@ -81,6 +81,16 @@ std::string to_text(std::span<const Diagnostic> diagnostics) {
   return text;
 }
 
+std::vector<Diagnostic> first_of(std::vector<Diagnostic> diagnostics) {
+  if (diagnostics.size() <= kMostDiagnostics) return diagnostics;
+  Diagnostic rest;
+  rest.where.file = diagnostics[kMostDiagnostics].where.file;
+  rest.message = fmt::format("and {} more mistakes like these", diagnostics.size() - kMostDiagnostics);
+  diagnostics.resize(kMostDiagnostics);
+  diagnostics.push_back(std::move(rest));
+  return diagnostics;
+}
+
 Error::Error(heddle_status status, std::vector<Diagnostic> diagnostics)
     : std::runtime_error(to_text(diagnostics)), status_(status), diagnostics_(std::move(diagnostics)) {}
 

@@ -40,6 +40,10 @@ std::string to_text(const Diagnostic& diagnostic);
 std::string to_text(std::span<const Diagnostic> diagnostics);
 
 /// What every failing call of the host throws; becomes status and message at the C border.
+/// The first ones of many, and how many more there are: nobody reads a hundred at once.
+std::vector<Diagnostic> first_of(std::vector<Diagnostic> diagnostics);
+inline constexpr std::size_t kMostDiagnostics = 32;
+
 class Error : public std::runtime_error {
  public:
   Error(heddle_status status, Diagnostic diagnostic);

@@ -144,8 +144,8 @@ typedef struct heddle_camera {
   double rotation[4];      /* quaternion x y z w, unit; identity looks along -Z */
   double vertical_angle;   /* radians; orthographic: half height in metres */
   double aspect;           /* width / height; 0: the frame's */
-  double near_distance;    /* metres; 0: 0.01 */
-  double far_distance;     /* orthographic only; 0: 1000 */
+  double near_distance;    /* metres; 0: 0.01, in a scene of less than 10 m a thousandth of its diagonal */
+  double far_distance;     /* orthographic only; 0: beyond all of the scene */
 } heddle_camera;
 
 /* Light from infinitely far away, as an equirectangular image: -Z in its middle, +X to the right of that, +Y on top. */

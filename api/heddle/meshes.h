@@ -16,6 +16,10 @@ typedef struct heddle_scene_content {
   uint32_t mesh_count, instance_count, reserved;
   uint64_t revision;        /* the same number: the same meshes (but for how they bend), instances and components */
   uint64_t motion_revision; /* ... placed and bent the same */
+  /* Least and greatest corner of a box around all instances, and of what the animations in use do with them: metres, as
+   * scene positions are. Zeros: there are none. What techniques make is not counted. */
+  double bounds[6];
+  double typical_size; /* metres: half of the instances have a box whose diagonal is no longer */
 } heddle_scene_content;
 
 typedef struct heddle_scene_mesh {

@@ -2,6 +2,7 @@
 // One frame: scene values in, stages in order with their barriers, kept resources readable at the end.
 
 #include "graph/execute_state.hpp"
+#include "graph/scene_ports.hpp"
 #include "scene/light_texture.hpp"
 
 #include <fmt/format.h>
@@ -234,6 +235,7 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     const heddle_camera camera = rendered.active_camera(graph.width, graph.height);
     previous_origin = origin;
     origin = {camera.position[0], camera.position[1], camera.position[2]};
+    tell_of_near_plane(rendered, camera);
     view = scene::make_view(camera, graph.width, graph.height, origin,
                             info.cut != 0 || !previous_camera ? nullptr : &*previous_camera);
     previous_camera = camera;
@@ -243,10 +245,24 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     const Resource& resource = graph.resources[i];
     const bool is_scene = resource.producer == kNoIndex && resource.history_of == kNoIndex;
     if (!is_scene || resource.type != PortType::kValue) continue;
-    if (resource.port == "camera") set_value(i, std::as_bytes(std::span(&view, 1)));
-    if (resource.port == "lights") set_value(i, std::as_bytes(std::span(lights)));
-    if (resource.port == "environment") set_environment(i, rendered);
-    if (resource.port == "light_textures") set_light_textures(i, rendered);
+    const auto part = find_scene_part(resource.port);
+    if (!part) continue;  // a component
+    switch (*part) {
+      case ScenePart::kCamera:
+        set_value(i, std::as_bytes(std::span(&view, 1)));
+        break;
+      case ScenePart::kEnvironment:
+        set_environment(i, rendered);
+        break;
+      case ScenePart::kLightTextures:
+        set_light_textures(i, rendered);
+        break;
+      case ScenePart::kLights:
+        set_value(i, std::as_bytes(std::span(lights)));
+        break;
+      case ScenePart::kSurfaces:
+        break;  // no value
+    }
   }
   set_component_values(rendered);
   if (!scene_buffers || scene != &rendered) {
@@ -264,6 +280,23 @@ void Executor::State::set_scene_values(const scene::Scene& rendered) {
     info.origin[i] = origin[static_cast<glm::length_t>(i)];
     info.previous_origin[i] = previous_origin[static_cast<glm::length_t>(i)];
   }
+}
+
+/// A camera in other units than the scene sees nothing, and no pass would know why.
+void Executor::State::tell_of_near_plane(const scene::Scene& rendered, const heddle_camera& camera) {
+  const std::array<glm::dvec3, 2>& box = rendered.reach();
+  const double farthest = glm::length(glm::max(glm::abs(box[0] - origin), glm::abs(box[1] - origin)));
+  const bool is_beyond = box[0] != box[1] && camera.near_distance > farthest;
+  if (is_beyond && told_near != camera.near_distance) {
+    Diagnostic diagnostic;
+    diagnostic.severity = Severity::kWarning;
+    diagnostic.message = fmt::format(
+        "nothing of the scene can be seen: the camera's near plane, at {:.3g} m, is farther than all of it ({:.3g} m)",
+        camera.near_distance, farthest);
+    diagnostic.help = "leave near_distance 0: it then follows from the scene's size";
+    services.log(Severity::kWarning, to_text(diagnostic));
+  }
+  told_near = is_beyond ? camera.near_distance : 0;
 }
 
 void Executor::State::set_environment(ResourceIndex resource, const scene::Scene& rendered) {

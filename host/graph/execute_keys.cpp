@@ -2,9 +2,8 @@
 // A pass's key holds the keys of the passes that it reads from, not what they made: nothing has to run to know it.
 #include "graph/execute_keys.hpp"
 
-#include "content_hash.hpp"
+#include "graph/execute_parts.hpp"
 #include "graph/uses.hpp"
-#include "scene/light_texture.hpp"
 #include "scene/upload.hpp"
 
 #include <fmt/format.h>
@@ -19,44 +18,6 @@ namespace fs = std::filesystem;
 
 /// Raised where an artifact of before would be taken for what is made now.
 constexpr std::string_view kJobKeyFormat = "heddle job key 1";
-
-template <typename T>
-void add_bytes(ContentHash& hash, const T& value) {
-  static_assert(std::is_trivially_copyable_v<T>);
-  hash.add({reinterpret_cast<const char*>(&value), sizeof value});
-}
-
-template <typename T>
-void add_array(ContentHash& hash, const std::vector<T>& values) {
-  static_assert(std::is_trivially_copyable_v<T>);
-  hash.add_long(std::as_bytes(std::span(values)));
-}
-
-/// Everything that shaders and snapshots see of what is drawn, as it is posed.
-std::string hash_of_surfaces(const scene::Scene& scene) {
-  ContentHash hash;
-  for (const scene::Texture& texture : scene.textures) {
-    for (const std::uint32_t number :
-         {texture.width, texture.height, texture.is_srgb ? 1U : 0U, texture.wrap[0], texture.wrap[1], texture.filter})
-      add_bytes(hash, number);
-    add_array(hash, texture.rgba);
-  }
-  for (const scene::Material& material : scene.materials) {
-    hash.add(material.name);
-    add_bytes(hash, material.textures);
-    add_bytes(hash, material.record);
-  }
-  for (const scene::Mesh& mesh : scene.meshes) {
-    add_bytes(hash, mesh.material);
-    add_array(hash, mesh.vertices);
-    add_array(hash, mesh.indices);
-  }
-  for (const scene::Instance& instance : scene.instances) {
-    add_bytes(hash, instance.mesh);
-    add_bytes(hash, instance.scene_from_object);
-  }
-  return hash.hexadecimal();
-}
 
 class Keys {
  public:
@@ -187,21 +148,8 @@ class Keys {
     if (!known.empty()) return known;
     const scene::Scene& scene = context_.scene;
     ContentHash hash;
-    if (port == "surfaces" || port == "lights") add_bytes(hash, context_.origin);
-    if (port == "surfaces") {
-      hash.add(hash_of_surfaces(scene));
-    } else if (port == "light_textures") {
-      add_array(hash, scene::light_texture_elements(scene::light_textures(scene)));
-    } else if (port == "lights") {
-      add_array(hash, scene::SceneBuffers::lights(scene, context_.origin));
-      for (const scene::Light& light : scene.lights) hash.add(light.name);
-    } else if (port == "environment") {
-      if (scene.environment) {
-        HeddleEnvironment record = scene.environment->record;
-        record.revision = 0;  // a count of this process
-        add_bytes(hash, record);
-        add_array(hash, scene.environment->texels);
-      }
+    if (const auto part = find_scene_part(port)) {
+      add_content(hash, scene, *part, context_.origin);
     } else if (const auto component = context_.registry.components().find_port(port)) {
       add_array(hash, scene::component_elements(scene.components, *component->type, component->owner));
     } else {

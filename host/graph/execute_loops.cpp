@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The stages of a frame in order; those in loops as often as the loops say, each iteration a submission of its own.
 
+#include "graph/execute_parts.hpp"
 #include "graph/execute_state.hpp"
 
 #include <fmt/format.h>
@@ -21,29 +22,11 @@ double process_cpu_ms() {
   return 1e3 * static_cast<double>(now.tv_sec) + 1e-6 * static_cast<double>(now.tv_nsec);
 }
 
-template <typename T>
-void add_bytes(std::vector<std::byte>& bytes, const T& value) {
-  static_assert(std::is_trivially_copyable_v<T>);
-  const auto added = std::as_bytes(std::span(&value, 1));
-  bytes.insert(bytes.end(), added.begin(), added.end());
-}
-
 }  // namespace
 
 /// Nothing that a technique could see has changed since the last frame.
 bool Executor::State::is_still(const scene::Scene& rendered, const FrameOptions& options) {
-  std::vector<std::byte> now;
-  add_bytes(now, &rendered);
-  add_bytes(now, rendered.content_revision);
-  add_bytes(now, rendered.motion_revision);
-  add_bytes(now, rendered.components.revision());
-  add_bytes(now, rendered.active_camera(graph.width, graph.height));
-  for (const scene::Light& light : rendered.lights) {
-    add_bytes(now, light.position);
-    add_bytes(now, light.record);
-    add_bytes(now, light.texture ? light.texture->revision : std::uint64_t{0});
-  }
-  if (rendered.environment) add_bytes(now, rendered.environment->record);
+  std::vector<std::byte> now = scene_state(rendered, graph.width, graph.height);
   add_bytes(now, options.time);
   add_bytes(now, options.time_step);
   add_bytes(now, options.seed);

@@ -155,17 +155,21 @@ void Executor::State::plan(const std::vector<std::string>& features, bool is_res
     place_resources();
     name_resources();
     initialize_kept();
+    PassMistakes mistakes(graph);
     for (const PassIndex index : dependency_order(graph)) {
       PassState* pass = passes[index].get();
       if (pass == nullptr || pass->is_prepared) continue;
-      if (pass->descriptor->prepare != nullptr) {
-        pass->is_preparing = true;
-        const heddle_status status = pass->descriptor->prepare(pass->object, &pass->api);
-        pass->is_preparing = false;
-        throw_if_failed(*pass, status, "prepare");
-      }
-      pass->is_prepared = true;
+      mistakes.attempt(index, [&] {
+        if (pass->descriptor->prepare != nullptr) {
+          pass->is_preparing = true;
+          const heddle_status status = pass->descriptor->prepare(pass->object, &pass->api);
+          pass->is_preparing = false;
+          throw_if_failed(*pass, status, "prepare");
+        }
+        pass->is_prepared = true;
+      });
     }
+    mistakes.throw_if_any();
     compile_passes(is_restoring);
   } catch (...) {
     retire();
@@ -239,8 +243,10 @@ void Executor::State::plan_memory(const std::vector<std::string>& features) {
     }
     resources[i].root = first;
   }
-  open_passes();
-  declare_passes();
+  PassMistakes mistakes(graph);
+  open_passes(mistakes);
+  declare_passes(mistakes);
+  mistakes.throw_if_any();
   find_needs();
   std::vector<ResourceIndex> pinned = wanted;
   for (ResourceIndex i = 0; i < graph.resources.size(); ++i) {
@@ -253,7 +259,7 @@ void Executor::State::plan_memory(const std::vector<std::string>& features) {
   lists = plan_lists(graph, order);
 }
 
-void Executor::State::open_passes() {
+void Executor::State::open_passes(PassMistakes& mistakes) {
   passes.resize(graph.passes.size());
   stats.libraries.clear();
   for (PassIndex index = 0; index < graph.passes.size(); ++index) {
@@ -262,15 +268,17 @@ void Executor::State::open_passes() {
     stats.libraries.push_back(pass.entry.manifest->library.string());
     passes[index] = adopt_object(index);
     if (passes[index]) continue;
-    auto state = std::make_unique<PassState>();
-    state->executor_state = this;
-    state->index = index;
-    state->library = services.registry.open(pass.entry);
-    state->descriptor = &state->library->descriptor(pass.entry.technique->id);
-    state->layout = vulkan::parameter_layout(*pass.entry.technique);
-    fill_pass_host(*state, device->table());
-    passes[index] = std::move(state);
-    create(*passes[index]);
+    mistakes.attempt(index, [&] {
+      auto state = std::make_unique<PassState>();
+      state->executor_state = this;
+      state->index = index;
+      state->library = services.registry.open(pass.entry);
+      state->descriptor = &state->library->descriptor(pass.entry.technique->id);
+      state->layout = vulkan::parameter_layout(*pass.entry.technique);
+      fill_pass_host(*state, device->table());
+      passes[index] = std::move(state);
+      create(*passes[index]);
+    });
   }
   std::sort(stats.libraries.begin(), stats.libraries.end());
   stats.libraries.erase(std::unique(stats.libraries.begin(), stats.libraries.end()), stats.libraries.end());
@@ -283,34 +291,37 @@ void Executor::State::create(PassState& pass) {
   throw_if_failed(pass, pass.descriptor->create(&pass.api, &pass.object), "create");
 }
 
-void Executor::State::declare_passes() {
-  for (const PassIndex index : dependency_order(graph)) {
-    PassState* pass = passes[index].get();
-    if (pass == nullptr) continue;
-    for (const auto& [port, source] : graph.passes[index].inout_sources) {
-      Resource& made = graph.resources[graph.passes[index].ports.at(port)];
-      if (made.type == PortType::kValue) continue;
-      copy_shape(made, graph.resources[source]);
-    }
-    pass->is_adopted = keep_adopted(index);
-    if (pass->is_adopted) continue;
-    if (pass->is_prepared && is_redeclaring) {
-      // The object goes on: it asked for this, or reads what has another shape now because another one did.
-      pass->is_adopted = pass->is_redeclared = true;
-      pass->is_prepared = pass->wants_redeclare = false;
-    } else if (pass->is_prepared) {
-      destroy(*pass);
-      create(*pass);
-    }
-    if (pass->descriptor->declare != nullptr) {
-      pass->is_declaring = true;
-      pass->declares_by_scene = false;
-      pass->declared_content = content_of(planned_scene);
-      const heddle_status status = pass->descriptor->declare(pass->object, &pass->api);
-      pass->is_declaring = false;
-      throw_if_failed(*pass, status, "declare");
-    }
+void Executor::State::declare(PassIndex index) {
+  PassState& pass = *passes[index];
+  for (const auto& [port, source] : graph.passes[index].inout_sources) {
+    Resource& made = graph.resources[graph.passes[index].ports.at(port)];
+    if (made.type == PortType::kValue) continue;
+    copy_shape(made, graph.resources[source]);
   }
+  pass.is_adopted = keep_adopted(index);
+  if (pass.is_adopted) return;
+  if (pass.is_prepared && is_redeclaring) {
+    // The object goes on: it asked for this, or reads what has another shape now because another one did.
+    pass.is_adopted = pass.is_redeclared = true;
+    pass.is_prepared = pass.wants_redeclare = false;
+  } else if (pass.is_prepared) {
+    destroy(pass);
+    create(pass);
+  }
+  if (pass.descriptor->declare != nullptr) {
+    pass.is_declaring = true;
+    pass.declares_by_scene = false;
+    pass.declared_content = content_of(planned_scene);
+    const heddle_status status = pass.descriptor->declare(pass.object, &pass.api);
+    pass.is_declaring = false;
+    throw_if_failed(pass, status, "declare");
+  }
+}
+
+void Executor::State::declare_passes(PassMistakes& mistakes) {
+  for (const PassIndex index : dependency_order(graph))
+    if (passes[index]) mistakes.attempt(index, [&] { declare(index); });
+  if (!mistakes.empty()) return;  // nothing has a shape to go by
   for (PassIndex i = 0; i < passes.size(); ++i)
     if (passes[i] && passes[i]->is_redeclared) adopt_rings(i);
   for (Resource& history : graph.resources) {

@@ -4,6 +4,8 @@
 #include "graph/execute_calls.hpp"
 
 #include <heddle/components.h>
+#include <heddle/device.h>
+#include <heddle/functions.h>
 #include <heddle/materials.h>
 #include <heddle/meshes.h>
 #include <heddle/parallel.h>
@@ -87,6 +89,9 @@ heddle_status scene_content(const heddle_pass_host* self, heddle_scene_content* 
     content.instance_count = static_cast<std::uint32_t>(asked->instances.size());
     content.revision = scene::component_revision(*asked);
     content.motion_revision = asked->motion_revision;
+    const std::array<glm::dvec3, 2>& box = asked->reach();
+    for (int i = 0; i < 6; ++i) content.bounds[i] = box[static_cast<std::size_t>(i / 3)][i % 3];
+    content.typical_size = asked->typical_size();
   }
   return hand_out(content, out);
 }
@@ -213,6 +218,45 @@ heddle_status for_each(const heddle_pass_host* self, std::uint32_t wanted, std::
   });
 }
 
+/// Of the passes that answer a role's functions for this one, those that are there.
+std::vector<const Pass*> providers_of(const PassState& pass, std::string_view role) {
+  const Executor::State& executor = executor_of(pass);
+  std::vector<const Pass*> found;
+  for (const FunctionBinding& binding : executor.pass_of(pass).functions)
+    for (const PassIndex provider : binding.providers)
+      if (binding.role == role && executor.passes[provider]) found.push_back(&executor.graph.passes[provider]);
+  return found;
+}
+
+std::uint32_t provider_count(const heddle_pass_host* self, const char* role) {
+  const PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, fmt::format("who answers for role '{}'", role))) return 0;
+  return static_cast<std::uint32_t>(providers_of(pass, role).size());
+}
+
+std::uint32_t provider_parameter(const heddle_pass_host* self, const char* role, std::uint32_t index, const char* name,
+                                 double out[3]) {
+  const PassState& pass = state_of(self);
+  if (!is_in_key(pass, false, fmt::format("parameter '{}' of role '{}'", name, role))) return 0;
+  const std::vector<const Pass*> providers = providers_of(pass, role);
+  if (index >= providers.size()) return 0;
+  const std::vector<Parameter>& parameters = providers[index]->entry.technique->parameters;
+  const auto found = std::ranges::find(parameters, name, &Parameter::name);
+  if (found == parameters.end()) return 0;
+  const auto& number = providers[index]->parameters[static_cast<std::size_t>(found - parameters.begin())].number;
+  std::copy_n(number.begin(), found->components(), out);
+  return found->components();
+}
+
+std::uint64_t loop_limit(const heddle_pass_host* self) {
+  // Measured with Mesa 22.3: a loop of one shader, two in a row, and one within another share them.
+  constexpr std::uint64_t kLavapipe = 65535;
+  return executor_of(state_of(self)).device->info().is_lavapipe ? kLavapipe : 0;
+}
+
+constexpr heddle_functions_service kFunctionsService{sizeof(heddle_functions_service), 0, provider_count,
+                                                     provider_parameter};
+constexpr heddle_device_service kDeviceService{sizeof(heddle_device_service), 0, loop_limit};
 constexpr heddle_parallel_service kParallelService{sizeof(heddle_parallel_service), 0, most_threads, for_each};
 
 constexpr heddle_meshes_service kMeshesService{sizeof(heddle_meshes_service), 0, scene_content, scene_mesh,
@@ -225,6 +269,8 @@ const void* service(const heddle_pass_host*, const char* id) {
   if (std::strcmp(id, HEDDLE_MESHES_SERVICE) == 0) return &kMeshesService;
   if (std::strcmp(id, HEDDLE_MATERIALS_SERVICE) == 0) return &kMaterialsService;
   if (std::strcmp(id, HEDDLE_PARALLEL_SERVICE) == 0) return &kParallelService;
+  if (std::strcmp(id, HEDDLE_FUNCTIONS_SERVICE) == 0) return &kFunctionsService;
+  if (std::strcmp(id, HEDDLE_DEVICE_SERVICE) == 0) return &kDeviceService;
   for (const auto find : {slices_service, contents_service, pieces_service, files_service})
     if (const void* found = find(id); found != nullptr) return found;
   return views_service(id);

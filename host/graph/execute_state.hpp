@@ -172,6 +172,42 @@ struct heddle_frame {
 
 namespace heddle::graph {
 
+/// What passes get wrong while a plan is made: each has its say, so that a person sees all mistakes at once. What
+/// depends on a mistaken one is left in peace, as its inputs may be wrong for that reason alone.
+class PassMistakes {
+ public:
+  explicit PassMistakes(const ResolvedGraph& graph) : graph_(graph) {}
+  template <class Body>
+  void attempt(PassIndex pass, Body body) {
+    const auto is_mistaken = [&](PassIndex other) { return errors_.contains(other) || left_in_peace_.contains(other); };
+    if (is_mistaken(pass)) return;
+    if (std::ranges::any_of(graph_.passes[pass].dependencies, is_mistaken)) {
+      left_in_peace_.insert(pass);
+      return;
+    }
+    try {
+      body();
+    } catch (const Error& error) {
+      if (error.status() == HEDDLE_CANCELLED) throw;
+      errors_.emplace(pass, error);
+    }
+  }
+  [[nodiscard]] bool empty() const { return errors_.empty(); }
+  /// By the order of the passes in the file; with the status of the first.
+  void throw_if_any() const {
+    if (errors_.empty()) return;
+    std::vector<Diagnostic> all;
+    for (const auto& [pass, error] : errors_)
+      all.insert(all.end(), error.diagnostics().begin(), error.diagnostics().end());
+    throw Error(errors_.begin()->second.status(), first_of(std::move(all)));
+  }
+
+ private:
+  const ResolvedGraph& graph_;
+  std::map<PassIndex, Error> errors_;
+  std::set<PassIndex> left_in_peace_;
+};
+
 /// What a plan that was taken down left for the next one, by names.
 struct Legacy {
   struct Object {
@@ -280,6 +316,7 @@ struct Executor::State : FrameMemory {
   std::map<std::string, ComponentRows, std::less<>> component_rows;
   std::vector<std::uint64_t> light_texture_revisions;  // in the value `light_textures`
   std::optional<heddle_camera> previous_camera;
+  double told_near = 0;  // a near plane beyond the scene, of which the person at the screen was told
   glm::dvec3 origin{0.0}, previous_origin{0.0};
   std::vector<std::byte> inputs;  // of the last frame, all that techniques can see: what is_still compares
   bool is_changed = false;        // a parameter was set since
@@ -317,9 +354,10 @@ struct Executor::State : FrameMemory {
   [[nodiscard]] Legacy::Memory* outgrown(ResourceIndex resource);
   void migrate(ResourceIndex resource, std::uint32_t list_count);
   ShaderState* former_pipelines(PassState& pass, const ShaderState& made);
-  void open_passes();
+  void open_passes(PassMistakes& mistakes);
   void create(PassState& pass);
-  void declare_passes();
+  void declare(PassIndex pass);
+  void declare_passes(PassMistakes& mistakes);
   void place_resources();
   void initialize_kept();
   ShaderState compile_shader(const PassState& pass, const Shader& shader, bool is_restoring);
@@ -347,6 +385,7 @@ struct Executor::State : FrameMemory {
   [[nodiscard]] vulkan::ImageShape image_shape(const Resource& resource) const;
 
   void set_scene_values(const scene::Scene& scene);
+  void tell_of_near_plane(const scene::Scene& scene, const heddle_camera& camera);
   void set_environment(ResourceIndex resource, const scene::Scene& scene);
   void set_light_textures(ResourceIndex resource, const scene::Scene& scene);
   /// What the plan depends on of a scene is as it was.

@@ -9,16 +9,11 @@
 #include <cmath>
 #include <set>
 
+#include "graph/scene_ports.hpp"
 #include "graph/uses.hpp"
 
 namespace heddle::graph {
 namespace {
-
-constexpr std::array<std::pair<std::string_view, PortType>, 5> kScenePorts{{{"camera", PortType::kValue},
-                                                                            {"environment", PortType::kValue},
-                                                                            {"light_textures", PortType::kValue},
-                                                                            {"lights", PortType::kValue},
-                                                                            {"surfaces", PortType::kSurfaces}}};
 
 constexpr std::string_view kPreviousSuffix = "@previous";
 
@@ -168,8 +163,8 @@ class Resolver {
   /// Resources of the scene, then of every output, so that a reference may point below. Components that no pass reads
   /// are none.
   void make_outputs() {
-    for (const auto& [name, type] : kScenePorts)
-      if (!graph_.is_job || name != "camera") scene_ports_.emplace_back(name, type);
+    for (const ScenePort& port : kScenePorts)
+      if (!graph_.is_job || port.is_in_jobs) scene_ports_.emplace_back(port.name, port.type);
     for (const Pass& pass : graph_.passes) {
       for (const Port& port : pass.entry.technique->ports) {
         const auto is_known = [&](const auto& known) { return known.first == port.name; };

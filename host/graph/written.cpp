@@ -86,7 +86,7 @@ void Problems::throw_if_any() {
   std::ranges::stable_sort(list_, {}, [&](const Diagnostic& diagnostic) {
     return std::tuple(file_index(diagnostic.where.file), diagnostic.where.line, diagnostic.where.column);
   });
-  throw Error(HEDDLE_BAD_INPUT, std::move(list_));
+  throw Error(HEDDLE_BAD_INPUT, first_of(std::move(list_)));
 }
 
 const std::vector<std::string>& graph_keys() {

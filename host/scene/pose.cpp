@@ -160,20 +160,38 @@ void Scene::pose_rigs(double seconds) {
   content_revision += is_rewired ? 1 : 0;
 }
 
-std::array<glm::dvec3, 2> Scene::reach() const {
+const Scene::Extent& Scene::extent() const {
+  std::vector<std::uint32_t> chosen;
+  for (const Rig& rig : rigs) {
+    chosen.push_back(rig.animation);
+  }
+  const std::uint64_t motion = rigs.empty() ? motion_revision : 0;
+  const bool is_known = extent_ && extent_->content_revision == content_revision &&
+                        extent_->motion_revision == motion && extent_->instances == instances.size() &&
+                        extent_->animations == chosen;
+  if (!is_known) {
+    std::vector<double> sizes;
+    for (const Instance& instance : instances) {
+      const Mesh& mesh = meshes.at(instance.mesh);
+      if (mesh.vertices.empty()) continue;
+      const glm::dvec3 size = glm::dvec3(mesh.bounds[1]) - glm::dvec3(mesh.bounds[0]);
+      sizes.push_back(glm::length(glm::dmat3(instance.scene_from_object) * size));
+    }
+    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+    if (!sizes.empty()) std::nth_element(sizes.begin(), middle, sizes.end());
+    extent_ = Extent{content_revision,  motion,       instances.size(),
+                     std::move(chosen), find_reach(), sizes.empty() ? 0.0 : *middle};
+  }
+  return *extent_;
+}
+
+std::array<glm::dvec3, 2> Scene::find_reach() const {
   constexpr int kMoments = 9;  // of each animation: a walk's strides and a turn's extremes lie within a few per cent
   std::array<glm::dvec3, 2> total = bounds();
   const bool is_empty = std::all_of(instances.begin(), instances.end(),
                                     [&](const Instance& instance) { return meshes[instance.mesh].vertices.empty(); });
   if (rigs.empty() || is_empty) {
     return total;
-  }
-  std::vector<std::uint32_t> chosen;
-  for (const Rig& rig : rigs) {
-    chosen.push_back(rig.animation);
-  }
-  if (reach_ && reach_->content_revision == content_revision && reach_->animations == chosen) {
-    return reach_->bounds;
   }
   // Independent of where things are now: what moves counts at the moments alone.
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -229,7 +247,6 @@ std::array<glm::dvec3, 2> Scene::reach() const {
   if (total[0].x > total[1].x) {
     total = bounds();
   }
-  reach_ = Reach{content_revision, std::move(chosen), total};
   return total;
 }
 

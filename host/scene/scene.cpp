@@ -154,9 +154,18 @@ heddle_camera Scene::active_camera(std::uint32_t width, std::uint32_t height) co
   heddle_camera active = camera < cameras.size() ? cameras[camera].record : framing_camera(reach(), aspect);
   active.struct_size = sizeof active;
   active.aspect = active.aspect > 0 ? active.aspect : aspect;
-  active.near_distance = active.near_distance > 0 ? active.near_distance : 0.01;
-  if (active.is_orthographic != 0) {
-    active.far_distance = active.far_distance > 0 ? active.far_distance : 1000.0;
+  // What the camera does not say follows from the scene's size: a scene of a centimetre is not cut away. Reversed float
+  // depth has the same relative precision however near the plane is.
+  const std::array<glm::dvec3, 2>& box = reach();
+  const double diagonal = glm::distance(box[0], box[1]);
+  if (!(active.near_distance > 0)) {
+    active.near_distance = diagonal > 0 ? std::min(kDefaultNear, diagonal * kNearOfDiagonal) : kDefaultNear;
+  }
+  if (active.is_orthographic != 0 && !(active.far_distance > 0)) {
+    const glm::dvec3 eye(active.position[0], active.position[1], active.position[2]);
+    const double farthest = glm::length(glm::max(glm::abs(box[0] - eye), glm::abs(box[1] - eye)));
+    // Twice: techniques may make surfaces that stand out of the box.
+    active.far_distance = diagonal > 0 ? std::max(2.0 * farthest, 2.0 * active.near_distance) : kDefaultFar;
   }
   return active;
 }

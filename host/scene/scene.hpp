@@ -105,6 +105,11 @@ struct Environment {
   std::vector<float> texels;  // rgba
 };
 
+/// What cameras that say nothing have in a scene without surfaces, and at most. Metres; the far plane is orthographic.
+inline constexpr double kDefaultNear = 0.01, kDefaultFar = 1000.0;
+/// The near plane in smaller scenes, in diagonals of the scene.
+inline constexpr double kNearOfDiagonal = 1e-3;
+
 class Scene {
  public:
   std::vector<Texture> textures;
@@ -161,16 +166,24 @@ class Scene {
   [[nodiscard]] std::vector<std::string> features() const;
   [[nodiscard]] std::string describe_json() const;
 
+  /// Bounds of all instances over the animations in use: what follows from the scene's size does not depend on the
+  /// time.
+  [[nodiscard]] const std::array<glm::dvec3, 2>& reach() const { return extent().bounds; }
+  /// The median diagonal of the instances' boxes, metres; 0 if empty.
+  [[nodiscard]] double typical_size() const { return extent().typical_size; }
+
  private:
   void pose_rigs(double seconds);
-  /// Bounds of all instances over the animations in use: what the made-up camera shows does not depend on the time.
-  [[nodiscard]] std::array<glm::dvec3, 2> reach() const;
-  struct Reach {
-    std::uint64_t content_revision = 0;
+  [[nodiscard]] std::array<glm::dvec3, 2> find_reach() const;
+  struct Extent {
+    std::uint64_t content_revision = 0, motion_revision = 0;  // the latter without animations
+    std::size_t instances = 0;
     std::vector<std::uint32_t> animations;
     std::array<glm::dvec3, 2> bounds{};
+    double typical_size = 0;
   };
-  mutable std::optional<Reach> reach_;
+  [[nodiscard]] const Extent& extent() const;
+  mutable std::optional<Extent> extent_;
 };
 
 /// The same number: the same content and components.

@@ -8,9 +8,6 @@
 namespace heddle::scene {
 namespace {
 
-constexpr double kDefaultNear = 0.01;   // metres; heddle_camera says so
-constexpr double kDefaultFar = 1000.0;  // metres, orthographic only
-
 struct Projection {
   glm::dmat4 clip_from_view{0.0};
   glm::dmat4 view_from_clip{0.0};

@@ -229,6 +229,31 @@ inline MapView cascade_view(const Axes& axes, const HeddleView& camera, const gl
                            cascade.filter_radius, cascade.side);
 }
 
+/// Metres of the main view that parallel lights shadow, and metres towards the light in which casters are drawn.
+struct Reach {
+  double distance = 0, caster_distance = 0;
+};
+/// How far maps of parallel lights reach where nobody says. The whole of a scene; but where it is larger than `most`
+/// and than ten of its typical instances (a floor to the horizon, around things that are to have shadows), only so far.
+/// At least the scene's diagonal, so that it does not follow a camera inside of it; and in steps of 10^(1/6), a scale
+/// on which a thousand times as large is as fine: a camera outside, and what moves, leave the maps where they are.
+/// `caster_distance`: what is asked for; no more of it is used than the scene has.
+inline Reach reach_of_scene(const double (&bounds)[6], double typical_size, const glm::dvec3& eye, double most,
+                            double caster_distance) {
+  const glm::dvec3 low(bounds[0], bounds[1], bounds[2]);
+  const glm::dvec3 high(bounds[3], bounds[4], bounds[5]);
+  const double diagonal = glm::distance(low, high);
+  if (!(diagonal > 0.0)) return {most, caster_distance};
+  const auto rounded_up = [](double metres) { return std::pow(10.0, std::ceil(6.0 * std::log10(metres)) / 6.0); };
+  constexpr double kFadeFree = 0.9;  // over the last tenth shadows fade
+  const double whole = std::max(glm::length(glm::max(glm::abs(low - eye), glm::abs(high - eye))), diagonal) / kFadeFree;
+  const double wanted = std::min(whole, std::max(most, 10.0 * typical_size));
+  const double distance = wanted == most ? most : rounded_up(wanted);
+  // Twice: whichever way the light comes from, out of the sphere around that part of the view. And no more, as what
+  // float32 leaves of a lookup's place grows with its distance from where the light's rays begin.
+  return {distance, std::min(std::max(caster_distance, 2.0 * distance), 2.0 * rounded_up(whole))};
+}
+
 /// Filter taps, in filter radii, evenly spread over a disk, with their mean at its centre; one tap is the centre. Vogel
 /// 1979, "A better way to construct the sunflower head": equal areas, no two taps in line.
 inline std::vector<std::array<float, 4>> make_kernel(std::uint32_t taps) {

@@ -4,6 +4,7 @@
 
 #include "depth_maps.hpp"
 
+#include <heddle/meshes.hpp>
 #include <heddle/views.hpp>
 
 #include <map>
@@ -12,6 +13,15 @@
 #include <vector>
 
 namespace depth_maps {
+
+/// reach_of_scene of depth_maps.hpp, from where a view of this frame stands.
+inline Reach reach_of_scene(const heddle::pass::PassHost& host, const HeddleView& view, const glm::dvec3& origin,
+                            double most, double caster_distance) {
+  const heddle::pass::Meshes meshes(host);
+  const heddle_scene_content& scene = meshes.content();
+  const glm::dvec3 eye = origin + glm::dvec3(view.rel_from_view[12], view.rel_from_view[13], view.rel_from_view[14]);
+  return reach_of_scene(scene.bounds, scene.typical_size, eye, most, caster_distance);
+}
 
 /// A map of this frame and where it is drawn.
 struct PlacedMap {
@@ -78,8 +88,10 @@ class DepthMapAtlas {
     lookups_.push_back(make_lookup(view, frame_origin, tile, layer_side));
   }
   /// In execute, when all are added.
-  [[nodiscard]] heddle_status set_values(const heddle::pass::Frame& frame) const {
-    const auto kernel = make_kernel(static_cast<std::uint32_t>(frame.host().integer("filter_taps")));
+  /// `reach`: metres from the camera to where parallel lights cast no shadow any more.
+  [[nodiscard]] heddle_status set_values(const heddle::pass::Frame& frame, double reach) const {
+    auto kernel = make_kernel(static_cast<std::uint32_t>(frame.host().integer("filter_taps")));
+    for (std::array<float, 4>& tap : kernel) tap[2] = static_cast<float>(reach);
     const heddle_status status = frame.set_value("shadow_views", std::span<const LookupView>(lookups_));
     if (status != HEDDLE_OK) return status;
     return frame.set_value("kernel", std::span<const std::array<float, 4>>(kernel));

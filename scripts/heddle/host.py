@@ -445,8 +445,9 @@ class Scene(_Object):
         self._check(_heddle.heddle_scene_set_component(self._handle, kind, index, name.encode(), text.encode()))
 
     def camera(self, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
-               up: Sequence[float] = (0, 1, 0), near: float = 0.05, use: bool = True, name: str | None = None) -> int:
-        """A perspective camera that looks at a point. vertical_angle in radians. Returns the id."""
+               up: Sequence[float] = (0, 1, 0), near: float = 0.0, use: bool = True, name: str | None = None) -> int:
+        """A perspective camera that looks at a point. vertical_angle in radians; near: metres, what is nearer is cut away;
+        0: 0.01, in a scene of less than 10 m a thousandth of its diagonal. Returns the id."""
         camera = _camera(position, target, vertical_angle, up, near)
         index = self._add(_heddle.heddle_scene_add_camera, name, ctypes.byref(camera))
         if use:
@@ -454,7 +455,7 @@ class Scene(_Object):
         return index
 
     def move_camera(self, camera: int, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
-                    up: Sequence[float] = (0, 1, 0), near: float = 0.05) -> None:
+                    up: Sequence[float] = (0, 1, 0), near: float = 0.0) -> None:
         """Changes a camera, all of it, as `camera` makes one; it keeps its id and name."""
         made = _camera(position, target, vertical_angle, up, near)
         self._check(_heddle.heddle_scene_set_camera(self._handle, camera, ctypes.byref(made)))

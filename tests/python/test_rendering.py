@@ -196,3 +196,27 @@ def test_the_command_renders_a_python_scene_to_a_file(command, root, tmp_path):
     assert done.returncode == 0, done.stderr
     assert picture.exists() and visibility.exists()
     assert not list(tmp_path.glob("*.tmp*"))
+
+
+def test_a_tracer_that_compensates_where_the_material_does_not_says_so_once():
+    said = []
+    with heddle.Host(log=lambda _level, text: said.append(text)) as host, host.scene() as scene:
+        metal = scene.material(base_color=(0.9, 0.8, 0.6), metalness=1.0, roughness=0.9)
+        scene.instance(scene.mesh([[-1, -1, 0], [1, -1, 0], [0, 1, 0]], metal))
+        scene.camera((0, 0, 2), (0, 0, 0))
+        with host.graph("path_traced", ["extent=[8,8]", "path_tracer.params.samples=1"]) as graph:
+            graph.render(scene)
+            assert not [text for text in said if "multiple_scattering" in text]
+            graph.set("material.params.multiple_scattering", False)
+            for seed in range(3):
+                graph.render(scene, seed=seed)
+            told = [text for text in said if "multiple_scattering" in text]
+            assert len(told) == 1 and told[0].endswith(
+                "warning: pass 'path_tracer' (ray_tracing/path_tracer): multiple_scattering is true here and false in the pass "
+                "of role surface_material: paths are reflected by another material than the one that shaders have; give both "
+                "the same value")
+            graph.set("path_tracer.params.multiple_scattering", False)
+            graph.render(scene)
+            graph.set("path_tracer.params.multiple_scattering", True)
+            graph.render(scene)
+            assert len([text for text in said if "multiple_scattering" in text]) == 2

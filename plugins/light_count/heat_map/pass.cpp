@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // light_count/heat_map: asks light_assignment at every pixel, as lighting does, and counts.
+#include "light_loops.hpp"
+
 #include <heddle/pass.hpp>
 
 namespace {
@@ -19,7 +21,10 @@ constexpr heddle_stage kStages[] = {gpu_stage("count", kAccesses)};
 constexpr heddle_shader kShaders[] = {compute_shader("count", "count", "count.comp.glsl", "light_assignment")};
 
 struct HeatMap {
-  heddle_status record(const Frame& frame) { return frame.dispatch_over("count", "count"); }
+  heddle_status record(const Frame& frame) {
+    const heddle_status status = check_light_loops(frame, kLoopsToMeet);
+    return status == HEDDLE_OK ? frame.dispatch_over("count", "count") : status;
+  }
 };
 
 constexpr heddle_technique kHeatMap = technique<HeatMap>(

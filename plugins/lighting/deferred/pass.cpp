@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // lighting/deferred: one shader over the gbuffer that asks the graph's material, shadow and sky functions.
+#include "light_loops.hpp"
+
 #include <heddle/pass.hpp>
 
 namespace {
@@ -42,7 +44,10 @@ struct Deferred {
     if (host.choice("precision") == 0) return HEDDLE_OK;
     return host.set_format("radiance", VK_FORMAT_R32G32B32A32_SFLOAT);
   }
-  heddle_status record(const Frame& frame) { return frame.fullscreen("shade"); }
+  heddle_status record(const Frame& frame) {
+    const heddle_status status = check_light_loops(frame, kLoopsToShade);
+    return status == HEDDLE_OK ? frame.fullscreen("shade") : status;
+  }
 };
 
 constexpr heddle_technique kDeferred = [] {

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // lighting/forward: opaque and masked surfaces lit while they are drawn, each pixel once, over the sky.
+#include "light_loops.hpp"
+
 #include <heddle/pass.hpp>
 
 namespace {
@@ -66,6 +68,7 @@ struct Forward {
     drawing.include = HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED;
     if (frame.stage() == kShadeStage) {
       // Drawn infinitely far, it stays where no surface has left a depth; every other pixel gets exactly one surface.
+      if (const heddle_status status = check_light_loops(frame, kLoopsToShade); status != HEDDLE_OK) return status;
       const heddle_status status = frame.fullscreen("background");
       return status == HEDDLE_OK ? frame.draw(drawing) : status;
     }

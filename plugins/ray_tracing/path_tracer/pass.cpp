@@ -5,6 +5,7 @@
 #include "film.hpp"
 
 #include <heddle/counters.h>
+#include <heddle/functions.h>
 #include <heddle/parallel.h>
 #include <heddle/pass.hpp>
 
@@ -199,6 +200,7 @@ class PathTracer {
 
   std::uint32_t activity(const Frame& frame) {
     if (frame.info().is_still == 0) is_drawn_ = is_done_ = false;
+    if (frame.stage() == kTrace) tell_of_material(frame.host());
     return (frame.stage() == kSky ? is_drawn_ : is_done_) ? HEDDLE_KEEP : HEDDLE_RUN;
   }
 
@@ -243,6 +245,24 @@ class PathTracer {
   }
 
  private:
+  /// The service's BRDF is told here whether it compensates, the shaders' in its own pass: said once for each time that
+  /// the two come apart.
+  void tell_of_material(const PassHost& host) {
+    const auto* functions = host.service<heddle_functions_service>(HEDDLE_FUNCTIONS_SERVICE);
+    std::array<double, 3> other{};
+    const bool is_other =
+        functions != nullptr &&
+        functions->provider_parameter(host.raw(), "surface_material", 0, "multiple_scattering", other.data()) == 1 &&
+        (other[0] != 0.0) != host.toggle("multiple_scattering");
+    if (is_other && !is_told_of_material_) {
+      host.warn(std::string("multiple_scattering is ") + (other[0] != 0.0 ? "false" : "true") + " here and " +
+                (other[0] != 0.0 ? "true" : "false") +
+                " in the pass of role surface_material: paths are reflected by another material than the one that "
+                "shaders have; give both the same value");
+    }
+    is_told_of_material_ = is_other;
+  }
+
   heddle_status read_scene(const Frame& frame, const heddle_mapped& sky) {
     const PassHost& host = frame.host();
     const auto* materials = host.service<heddle_materials_service>(HEDDLE_MATERIALS_SERVICE);
@@ -663,6 +683,7 @@ class PathTracer {
   std::vector<std::pair<std::string, std::string>> recipe_;  // describe()
   std::filesystem::path checkpoint_place_, checkpoint_;
   bool is_folder_ = false;
+  bool is_told_of_material_ = false;
   bool is_drawn_ = false, is_done_ = false;
 };
 

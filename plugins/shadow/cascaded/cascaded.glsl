@@ -4,8 +4,8 @@
 // Source  Engel 2006, "Cascaded Shadow Maps", ShaderX5; Zhang, Sun, Xu, Lun 2006, "Parallel-split shadow maps for large-scale
 //         virtual environments"; README equations (1) to (4)
 // in      lights, light_cascades (LightCascades in cascades.hpp: x first map, y maps, z blend, w filter radius in texels),
-//         shadow_views (7 vec4 a map, LookupView in depth_maps.hpp), kernel (xy: taps in filter radii), atlas (reversed
-//         depth)
+//         shadow_views (7 vec4 a map, LookupView in depth_maps.hpp), kernel (xy: taps in filter radii, z:
+//         metres that shadows reach), atlas (reversed depth)
 // loops   over cascades (<= 8) and, twice, taps (<= 64)
 
 #include "depth_map.glsl"
@@ -66,6 +66,6 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
     float coarser = cascade_visibility(load_map(slot.x + second), position_rel, normal, filter_radius);
     visibility = mix(visibility, coarser, weight);
   }
-  float fade = clamp((length(position_rel) / params.distance - kFadeStart) / (1.0 - kFadeStart), 0.0, 1.0);
+  float fade = clamp((length(position_rel) / kernel[0].z - kFadeStart) / (1.0 - kFadeStart), 0.0, 1.0);
   return mix(visibility, 1.0, fade);
 }

@@ -22,6 +22,10 @@ constexpr std::uint32_t kMostSuns = 8;
 constexpr std::uint32_t kMostLights = 4096;
 constexpr const char* kSettings = "shadow.settings";  // component of a light: role.toml
 
+constexpr double kMostDistance = 100.0;      // metres: of `distance` 0, in scenes of things of a usual size
+constexpr double kUsualNearest = 2.0;        // metres: of `nearest` 0 ...
+constexpr double kDistanceOfNearest = 50.0;  // ... and of it where `distance` goes by the scene
+
 constexpr double kResolutionLadder[] = {512, 1024, 2048, 4096};
 constexpr double kCascadesLadder[] = {1, 2, 3, 4, 6, 8};
 constexpr double kSplitLadder[] = {0, 0.5, 0.8, 1};
@@ -34,11 +38,12 @@ constexpr heddle_parameter kParameters[] = {
     knob(integer("cascades", "1", 1, kMostCascades, 4, "depth maps of a light", HEDDLE_PARAMETER_REDECLARE),
          kCascadesLadder),
     integer("suns", "1", 1, kMostSuns, 1, "directional lights that there is room for", HEDDLE_PARAMETER_REDECLARE),
-    parameter("distance", "m", 1e-3, 1e5, 100, "how far from the camera lights cast shadows"),
-    parameter("nearest", "m", 1e-6, 1e5, 2, "distance from which on texels may grow as pixels do"),
+    parameter("distance", "m", 0, 1e7, 0, "how far from the camera lights cast shadows; 0: by the scene"),
+    parameter("nearest", "m", 0, 1e7, 0,
+              "distance from which on texels may grow as pixels do; 0: 2, or by the scene as well"),
     knob(parameter("split", "1", 0, 1, 0.8, "1: cascades reach farther by equal factors; 0: by equal distances"),
          kSplitLadder),
-    parameter("caster_distance", "m", 0, 1e5, 200, "how far towards the light, outside of the view, casters are drawn"),
+    parameter("caster_distance", "m", 0, 1e7, 200, "how far towards the light, outside of the view, casters are drawn"),
     knob(parameter("blend", "1", 0, 1, 0.2, "part of a cascade, at its border, that fades into the next one"),
          kBlendLadder),
     parameter("slack", "px", 1, 256, 16, "texels that the camera may go before a map follows it and is drawn again"),
@@ -57,7 +62,8 @@ constexpr heddle_port kPorts[] = {
               "vec4 shadow_views[];"),
     value_out("light_cascades", kMostLights * sizeof(LightCascades),
               "for each light: first map, number of maps, blend, filter radius", "uvec4 light_cascades[];"),
-    value_out("kernel", kMostTaps * 4 * sizeof(float), "filter taps, in filter radii", "vec4 kernel[];"),
+    value_out("kernel", kMostTaps * 4 * sizeof(float), "filter taps, in filter radii; z: how far shadows reach, m",
+              "vec4 kernel[];"),
 };
 
 constexpr heddle_access kFitAccesses[] = {value("lights"), value("camera"), value("shadow_views"),
@@ -100,7 +106,7 @@ class Cascaded : public depth_maps::DepthMapAtlas {
 
   heddle_status execute(const Frame& frame) {
     heddle_status status = fit_views(frame);
-    if (status == HEDDLE_OK) status = set_values(frame);
+    if (status == HEDDLE_OK) status = set_values(frame, reach_);
     if (status == HEDDLE_OK) status = frame.set_value("light_cascades", std::span<const LightCascades>(lights_));
     return status;
   }
@@ -112,7 +118,7 @@ class Cascaded : public depth_maps::DepthMapAtlas {
   }
 
   heddle_status fit_views(const Frame& frame) {
-    const Settings general = settings_of(frame.host());
+    Settings general = settings_of(frame.host());
     const auto blend = static_cast<float>(frame.host().parameter("blend"));
     std::optional<Components> components;
     if (const heddle_status status = frame.components(kSettings, components); status != HEDDLE_OK) return status;
@@ -122,6 +128,15 @@ class Cascaded : public depth_maps::DepthMapAtlas {
     begin_maps();
     lights_.assign(std::min<std::size_t>(lights.size(), kMostLights), LightCascades{});
     if (camera.empty()) return HEDDLE_OK;
+    const bool goes_by_scene = general.distance <= 0.0;
+    if (goes_by_scene) {
+      const auto [distance, caster_distance] =
+          depth_maps::reach_of_scene(frame.host(), camera.front(), origin, kMostDistance, general.caster_distance);
+      general.distance = distance;
+      general.caster_distance = caster_distance;
+    }
+    reach_ = general.distance;
+    if (general.nearest <= 0.0) general.nearest = goes_by_scene ? reach_ / kDistanceOfNearest : kUsualNearest;
     std::size_t without_map = 0;
     for (const std::size_t i : order_of(lights, *components)) {
       if (i >= lights_.size() || map_count() == std::size_t{capacity_} * general.cascades) {
@@ -153,6 +168,7 @@ class Cascaded : public depth_maps::DepthMapAtlas {
   }
 
   std::vector<LightCascades> lights_;  // of this frame, for each light
+  double reach_ = 0;                   // metres, of shadows
   std::uint32_t capacity_ = 0;         // lights that have layers
 };
 

@@ -24,6 +24,8 @@ constexpr std::uint32_t kMostMaps = 8192;
 constexpr std::uint32_t kMostLights = 4096;
 constexpr const char* kSettings = "shadow.settings";  // component of a light: role.toml
 
+constexpr double kMostDistance = 60.0;  // metres: of `distance` 0, in scenes of things of a usual size
+
 constexpr double kResolutionLadder[] = {512, 1024, 2048, 4096};
 constexpr double kCascadesLadder[] = {1, 2, 3, 4};
 constexpr double kTapsLadder[] = {1, 4, 9, 16, 25, 49};
@@ -42,8 +44,8 @@ constexpr heddle_parameter kParameters[] = {
     knob(integer("cascades", "1", 0, 4, 3,
                  "depth maps of a directional light, each three times wider than the last; 0: it casts no shadow"),
          kCascadesLadder),
-    parameter("distance", "m", 1e-3, 1e5, 60, "how far from the camera directional lights cast shadows"),
-    parameter("caster_distance", "m", 0, 1e5, 200,
+    parameter("distance", "m", 0, 1e7, 0, "how far from the camera directional lights cast shadows; 0: by the scene"),
+    parameter("caster_distance", "m", 0, 1e7, 200,
               "how far towards a directional light, outside of the view, casters are drawn"),
     parameter("near_distance", "m", 1e-6, 100, 0.02,
               "what is nearer than this to a light with a position casts no shadow"),
@@ -60,7 +62,8 @@ constexpr heddle_port kPorts[] = {
     value_out("shadow_views", kMostMaps * sizeof(LookupView), "seven vec4 a map", "vec4 shadow_views[];"),
     value_out("light_views", kMostLights * sizeof(LightViews),
               "for each light: first map, number of maps, layout, filter radius", "uvec4 light_views[];"),
-    value_out("kernel", kMostTaps * 4 * sizeof(float), "filter taps, in filter radii", "vec4 kernel[];"),
+    value_out("kernel", kMostTaps * 4 * sizeof(float), "filter taps, in filter radii; z: how far shadows reach, m",
+              "vec4 kernel[];"),
 };
 
 constexpr heddle_access kFitAccesses[] = {value("lights"), value("camera"), value("shadow_views"), value("light_views"),
@@ -103,7 +106,7 @@ class ShadowMap : public depth_maps::DepthMapAtlas {
 
   heddle_status execute(const Frame& frame) {
     heddle_status status = fit_views(frame);
-    if (status == HEDDLE_OK) status = set_values(frame);
+    if (status == HEDDLE_OK) status = set_values(frame, reach_);
     if (status == HEDDLE_OK) status = frame.set_value("light_views", std::span<const LightViews>(light_views_));
     return status;
   }
@@ -148,7 +151,7 @@ class ShadowMap : public depth_maps::DepthMapAtlas {
 
   /// Gives depth maps to lights until none is left.
   heddle_status fit_views(const Frame& frame) {
-    const Settings general = settings_of(frame.host());
+    Settings general = settings_of(frame.host());
     std::optional<Components> components;
     if (const heddle_status status = frame.components(kSettings, components); status != HEDDLE_OK) return status;
     const auto views = Views::of(frame);
@@ -158,6 +161,13 @@ class ShadowMap : public depth_maps::DepthMapAtlas {
     begin_maps();
     light_views_.assign(std::min<std::size_t>(lights.size(), kMostLights), LightViews{});
     if (camera.empty()) return HEDDLE_OK;
+    if (general.distance <= 0.0) {
+      const auto [distance, caster_distance] =
+          depth_maps::reach_of_scene(frame.host(), camera.front(), origin, kMostDistance, general.caster_distance);
+      general.distance = distance;
+      general.caster_distance = caster_distance;
+    }
+    reach_ = general.distance;
 
     const std::vector<std::size_t> order = order_of(lights, *components);
     std::vector<depth_maps::AtlasWish> wishes;
@@ -191,6 +201,7 @@ class ShadowMap : public depth_maps::DepthMapAtlas {
 
   std::vector<LightViews> light_views_;  // of this frame, for each light
   depth_maps::AtlasPlaces places_;
+  double reach_ = 0;            // metres, of directional lights' shadows
   std::uint32_t capacity_ = 0;  // layers of the atlas
 };
 

@@ -3,8 +3,8 @@
 // Source  Williams 1978, "Casting curved shadows on curved surfaces"; Reeves, Salesin, Cook 1987, "Rendering antialiased
 //         shadows with depth maps"; the offset is README equation (1)
 // in      lights, light_views (LightViews in views.hpp: x first map, y maps, z kLayout*, w filter radius in texels),
-//         shadow_views (7 vec4 a map, LookupView in depth_maps.hpp), kernel (xy: taps in filter radii), atlas (reversed
-//         depth)
+//         shadow_views (7 vec4 a map, LookupView in depth_maps.hpp), kernel (xy: taps in filter radii, z:
+//         metres that shadows reach), atlas (reversed depth)
 // loops   over cascades (<= 4) and taps (<= 64)
 
 #include "depth_map.glsl"
@@ -79,7 +79,7 @@ float shadow(uint light, vec3 position_rel, vec3 normal) {
     }
     if (chosen == slot.y) return 1.0;
     texel_size = map.texel_size;
-    fade = clamp((length(position_rel) / params.distance - kFadeStart) / (1.0 - kFadeStart), 0.0, 1.0);
+    fade = clamp((length(position_rel) / kernel[0].z - kFadeStart) / (1.0 - kFadeStart), 0.0, 1.0);
   } else if (layout_kind == kLayoutSpot) {
     texel_size *= max(dot(from_light, map.axis), 0.0);
   } else if (layout_kind == kLayoutCube) {

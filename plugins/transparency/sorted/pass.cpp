@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // transparency/sorted: blended surfaces from the farthest to the nearest, each over what is there.
+#include "light_loops.hpp"
+
 #include <heddle/pass.hpp>
 
 namespace {
@@ -46,6 +48,7 @@ struct Push {
 
 struct Sorted {
   heddle_status record(const Frame& frame) {
+    if (const heddle_status status = check_light_loops(frame, kLoopsToShade); status != HEDDLE_OK) return status;
     constexpr float kMaxHalf = 65504.0F, kMaxFloat = 3.40282347e38F;
     const bool is_half = frame.host().shape("radiance").format == VK_FORMAT_R16G16B16A16_SFLOAT;
     const Push push = {is_half ? kMaxHalf : kMaxFloat};

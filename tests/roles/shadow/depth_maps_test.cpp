@@ -255,4 +255,36 @@ TEST(Cascades, SplitEvenlyLogarithmicallyOrInBetween) {
   for (const double reach : cascaded::reaches(settings)) EXPECT_NEAR(reach, settings.distance, 1e-9);
 }
 
+TEST(ReachOfScene, IsAsFarAsTheSceneAtAnyScale) {
+  const auto reach = [](double scale, const dvec3& eye, double half, double typical) {
+    const double bounds[6] = {-half * scale, 0, -half * scale, half * scale, half * scale, half * scale};
+    return depth_maps::reach_of_scene(bounds, typical * scale, scale * eye, 60.0, 200.0);
+  };
+  const double diagonal = 3.0 * 4.0;  // of 8 x 4 x 8 m
+  const depth_maps::Reach usual = reach(1.0, {0, 1, 0}, 4.0, 8.0);
+  // All that can be seen is before the last tenth, over which shadows fade; rounding up costs less than half of a step.
+  EXPECT_GE(0.9 * usual.distance, diagonal);
+  EXPECT_LT(0.9 * usual.distance, diagonal * std::pow(10.0, 1.0 / 6.0));
+  for (const double scale : {1e-3, 1e3}) {
+    const depth_maps::Reach scaled = reach(scale, {0, 1, 0}, 4.0, 8.0);
+    EXPECT_NEAR(scaled.distance, scale * usual.distance, 1e-9 * scale);
+    EXPECT_NEAR(scaled.caster_distance, scale * usual.caster_distance, 1e-9 * scale);
+  }
+  // Inside of it the camera does not matter; outside it goes by steps.
+  EXPECT_EQ(reach(1.0, {3, 3, -3}, 4.0, 8.0).distance, usual.distance);
+  EXPECT_GE(0.9 * reach(1.0, {30, 3, 0}, 4.0, 8.0).distance, std::sqrt(34.0 * 34.0 + 3.0 * 3.0 + 4.0 * 4.0));
+  EXPECT_EQ(reach(1.0, {30.01, 3, 0}, 4.0, 8.0).distance, reach(1.0, {30, 3, 0}, 4.0, 8.0).distance);
+}
+
+TEST(ReachOfScene, OfSmallThingsOnALargeFloorIsWhatTheyNeed) {
+  const double bounds[6] = {-5000, 0, -5000, 5000, 3, 5000};
+  const depth_maps::Reach reach = depth_maps::reach_of_scene(bounds, 2.0, {0, 2, 0}, 60.0, 200.0);
+  EXPECT_EQ(reach.distance, 60.0);
+  EXPECT_EQ(reach.caster_distance, 200.0);
+  // Where half of what there is has 200 m, shadows of 60 m would be lost among them.
+  EXPECT_GE(depth_maps::reach_of_scene(bounds, 200.0, {0, 2, 0}, 60.0, 200.0).distance, 2000.0);
+  const double nothing[6] = {};
+  EXPECT_EQ(depth_maps::reach_of_scene(nothing, 0.0, {0, 2, 0}, 60.0, 200.0).distance, 60.0);
+}
+
 }  // namespace

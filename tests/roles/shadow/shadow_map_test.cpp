@@ -15,7 +15,7 @@ struct Settings {
 };
 
 Edge edge_of(const Settings& settings) {
-  constexpr double kDistance = 60.0;  // default of `distance`, metres
+  constexpr double kDistance = 60.0;  // metres
   const double resolution = settings.resolution;
   const double reach = kDistance / std::pow(shadow_map::kCascadeRatio, settings.cascades - 1.0);
   const double radius = depth_maps::bounding_sphere(camera_of_edge(), reach).radius;
@@ -23,8 +23,9 @@ Edge edge_of(const Settings& settings) {
   const double inside = resolution - 2.0 * depth_maps::guard_texels(settings.filter.radius);
   const double texel = 2.0 * radius / inside * (resolution / (resolution - 1.0));
   return {settings.filter, "shadow_map",
-          fmt::format("params.resolution = {}\nparams.cascades = {}\n", settings.resolution, settings.cascades), texel,
-          radius};
+          fmt::format("params.resolution = {}\nparams.cascades = {}\nparams.distance = {}\n", settings.resolution,
+                      settings.cascades, kDistance),
+          texel, radius};
 }
 
 TEST(ShadowMapMeasured, EdgeIsDisplacedByTheNormalOffsetAtEveryIncidence) {

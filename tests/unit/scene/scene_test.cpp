@@ -104,7 +104,48 @@ TEST(ActiveCamera, IsTheOneInUseWithItsDefaultsFilledIn) {
   EXPECT_EQ(camera.position[0], 3);
   EXPECT_EQ(camera.vertical_angle, 0.5);
   EXPECT_EQ(camera.aspect, 2);
-  EXPECT_EQ(camera.near_distance, 0.01);
+  EXPECT_NEAR(camera.near_distance, 1e-3 * std::sqrt(4 + 16 + 36), 1e-12);  // of a diagonal of less than 10 m
+}
+
+TEST(ActiveCamera, HasPlanesThatFollowTheScenesSizeWhereItSaysNone) {
+  const auto camera_of = [](double scale, double near, bool is_orthographic) {
+    Scene scene = one_box();
+    scene.instances[0].scene_from_object = glm::dmat4(glm::dmat3(scale));
+    heddle_camera record{};
+    record.is_orthographic = is_orthographic ? 1 : 0;
+    record.position[2] = 10 * scale;
+    record.rotation[3] = 1;
+    record.vertical_angle = is_orthographic ? scale : 0.5;
+    record.near_distance = near;
+    scene.cameras.push_back({"a", record});
+    scene.camera = 0;
+    return scene.active_camera(1, 1);
+  };
+  const double diagonal = std::sqrt(4 + 16 + 36);
+  EXPECT_NEAR(camera_of(1e-3, 0, false).near_distance, 1e-6 * diagonal, 1e-15);
+  EXPECT_EQ(camera_of(1e3, 0, false).near_distance, 0.01) << "large scenes have small things in them";
+  EXPECT_EQ(camera_of(1e-3, 0.05, false).near_distance, 0.05) << "what is said counts";
+  for (const double scale : {1e-3, 1.0, 1e3}) {
+    // To the farthest corner, twice.
+    EXPECT_NEAR(camera_of(scale, 0, true).far_distance, 2 * scale * std::sqrt(1.0 + 4.0 + 13.0 * 13.0), 1e-9 * scale);
+  }
+  EXPECT_EQ(camera_of(0, 0, false).near_distance, 0.01) << "a scene without extent";
+  EXPECT_EQ(camera_of(0, 0, true).far_distance, 1000);
+}
+
+TEST(SceneExtent, IsFoundAnewWhenSomethingHasMoved) {
+  Scene scene = one_box();
+  EXPECT_EQ(scene.reach()[1], glm::dvec3(1, 2, 3));
+  EXPECT_NEAR(scene.typical_size(), std::sqrt(4 + 16 + 36), 1e-12);
+  scene.instances[0].scene_from_object = at({10, 0, 0});
+  ++scene.motion_revision;
+  EXPECT_EQ(scene.reach()[1], glm::dvec3(11, 2, 3));
+  // Two large ones beside it: half of three are no longer than the second.
+  for (const double scale : {5.0, 100.0}) {
+    scene.instances.push_back({"box", 0, glm::dmat4(glm::dmat3(scale)), glm::dmat4(1.0)});
+  }
+  EXPECT_EQ(scene.reach()[1], glm::dvec3(100, 200, 300));
+  EXPECT_NEAR(scene.typical_size(), 5 * std::sqrt(4 + 16 + 36), 1e-12);
 }
 
 TEST(Features, NameWhatInstancesShow) {
