@@ -96,17 +96,23 @@ void Executor::State::scan_outputs(std::uint32_t index) {
   if (recorder == nullptr) return;
   if (order.stages[index].is_read_back) return;
   const PassIndex pass = order.stages[index].pass;
-  const bool is_last =
-      std::none_of(order.stages.begin() + index + 1, order.stages.end(),
-                   [&](const ScheduledStage& later) { return later.pass == pass && !later.is_read_back; });
-  if (!is_last) return;
+  // Of the pass's stages the last one that uses an image shows what is made; after it the image's memory may be
+  // another's.
+  const auto uses = [&](const ScheduledStage& stage, ResourceIndex image) {
+    return stage.pass == pass && !stage.is_read_back &&
+           std::ranges::any_of(stage.uses,
+                               [&](const ScheduledStage::Use& use) { return resources[use.resource].root == image; });
+  };
   const heddle_vulkan& vk = device->table();
   const vulkan::hazard::Recorder::Pause pause(recorder);
   for (const Port& port : graph.passes[pass].entry.technique->ports) {
     const auto bound = graph.passes[pass].ports.find(port.name);
     if (port.direction == Direction::kIn || bound == graph.passes[pass].ports.end()) continue;
     ResourceState& state = root(bound->second);
-    if (!state.image || state.layout == VK_IMAGE_LAYOUT_UNDEFINED) continue;
+    if (!state.image || state.layout == VK_IMAGE_LAYOUT_UNDEFINED || !uses(order.stages[index], state.root)) continue;
+    if (std::any_of(order.stages.begin() + index + 1, order.stages.end(),
+                    [&](const ScheduledStage& later) { return uses(later, state.root); }))
+      continue;
     const vulkan::ImageShape& shape = state.image.shape();
     // Compressed texels are numbers within their range whatever their bits are.
     if (vulkan::format_info(shape.format).block_bytes != 0) continue;

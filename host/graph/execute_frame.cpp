@@ -415,7 +415,11 @@ void Executor::State::write_neutral(PassState& state, const ScheduledStage& stag
       set_batches(found->second, {}, 0);
       continue;
     }
-    if (!target.image) continue;
+    if (!target.image) {
+      const bool is_written = target.buffer && access_info(access.access, PortType::kBuffer, 0).writes;
+      if (is_written && device->recorder() != nullptr) device->recorder()->accept(target.buffer.handle());
+      continue;
+    }
     const AccessInfo use = access_info(access.access, PortType::kImage, graph.resources[found->second].format);
     if (!use.writes) continue;
     const RolePort* port = pass.role->find_port(access.port);

@@ -66,8 +66,7 @@ class Resolver {
       pass.parameters = read_parameters(*entries_[e].written, *entries_[e].technique.technique, presets_, problems_,
                                         graph_.notes, pass.origins);
     }
-    for (const auto& [key, value] : written_.params)
-      if (!presets_.is_used[key.name]) graph_.notes.push_back(fmt::format("params.{} is used by no pass", key.name));
+    check_presets();
     read_output();
     problems_.throw_if_any();
     for (ResourceIndex r = 0; r < graph_.resources.size(); ++r) take_shape(r);
@@ -80,6 +79,27 @@ class Resolver {
   }
 
  private:
+  /// A file may bring presets that a swap makes useless; whoever sets one by hand means one that there is.
+  void check_presets() {
+    for (const auto& [key, value] : written_.params) {
+      if (presets_.is_used[key.name]) continue;
+      const auto means_it = [&](const auto& param) { return text_of(param.second) == "$" + key.name; };
+      const bool is_meant = std::ranges::any_of(
+          written_.passes, [&](const WrittenPass& pass) { return std::ranges::any_of(pass.params, means_it); });
+      if (value.where.file != "--set" || is_meant) {
+        graph_.notes.push_back(fmt::format("params.{} is used by no pass", key.name));
+        continue;
+      }
+      std::vector<std::string> used;
+      for (const auto& [name, is_used] : presets_.is_used)
+        if (is_used) used.push_back(name);
+      problems_.add(key.where, fmt::format("no pass uses a preset '{}'", key.name),
+                    fmt::format("params.{} = {}", key.name, to_toml(value)),
+                    used.empty() ? "a parameter of a pass: PASS.params.NAME" : "one of " + join_names(used),
+                    did_you_mean(key.name, used));
+    }
+  }
+
   void read_extent() {
     graph_.width = graph_.is_job ? 0 : kDefaultWidth;
     graph_.height = graph_.is_job ? 0 : kDefaultHeight;

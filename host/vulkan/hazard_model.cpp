@@ -262,6 +262,9 @@ void Model::play(const Stream& stream, std::size_t first) {
       case Event::Kind::kDiscard:
         for (const Touch& one : event.touches) discard(one.object);
         break;
+      case Event::Kind::kAccept:
+        for (const Touch& one : event.touches) accept(one.object);
+        break;
       case Event::Kind::kDestroy:
         for (const Touch& one : event.touches) destroy(event, one.object);
         break;
@@ -562,6 +565,13 @@ void Model::host(const Event& event, const Touch& touch) {
   if (!writes) return;
   // A submission makes what the host wrote visible to all of its commands.
   std::erase_if(own.past, [&](const Past& past) { return contains(range, past.range, false); });
+  own.is_lost = false;
+  own.taken_by.clear();
+}
+
+void Model::accept(ObjectIndex object) {
+  State& own = state(object);
+  for (Subresource& subresource : own.subresources) subresource.is_defined = true;
   own.is_lost = false;
   own.taken_by.clear();
 }

@@ -65,6 +65,7 @@ class Model {
   void take_bytes(ObjectIndex writer, const Range& range);
   void host(const Event& event, const Touch& touch);
   void discard(ObjectIndex object);
+  void accept(ObjectIndex object);
   void destroy(const Event& event, ObjectIndex object);
 
   [[nodiscard]] State& state(ObjectIndex object);

@@ -52,11 +52,19 @@ void Recorder::name(VkBuffer buffer, std::string name) {
 }
 
 void Recorder::discard(VkBuffer buffer) {
+  note(buffer, Event::Kind::kDiscard);
+}
+
+void Recorder::accept(VkBuffer buffer) {
+  note(buffer, Event::Kind::kAccept);
+}
+
+void Recorder::note(VkBuffer buffer, Event::Kind kind) {
   const std::scoped_lock lock(mutex_);
   const auto found = buffers_.find(buffer);
   if (found == buffers_.end()) return;
   Event event;
-  event.kind = Event::Kind::kDiscard;
+  event.kind = kind;
   event.touches.push_back({found->second});
   stream_.events.push_back(std::move(event));
 }

@@ -33,6 +33,8 @@ class Recorder {
   void name(VkBuffer buffer, std::string name);
   /// Contents of the last frame are nobody's business.
   void discard(VkBuffer buffer);
+  /// What a buffer holds is meant, whatever it is: its maker has said that it has nothing to write.
+  void accept(VkBuffer buffer);
   /// The host reads or writes mapped memory.
   void host_access(VkBuffer buffer, bool writes, std::uint64_t offset, std::uint64_t size);
   /// While one lives, commands are not part of what is proven: they synchronize with everything and leave layouts as
@@ -133,6 +135,7 @@ class Recorder {
                                VkBuffer target, VkDeviceSize offset, VkDeviceSize stride, VkQueryResultFlags);
 
  private:
+  void note(VkBuffer buffer, Event::Kind kind);
   struct View {
     ObjectIndex object = 0;
     Range range;

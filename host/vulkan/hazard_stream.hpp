@@ -59,6 +59,7 @@ struct Event {
     kHostRead,   // touches: objects and ranges alone count
     kHostWrite,  // the same
     kDiscard,    // the same: whoever reads them next without writing reads what nobody wrote
+    kAccept,     // the same: their maker had nothing to write, and whoever reads them knows that
     kDestroy,    // the same
     kSubmit,     // everything before belongs to this submission
     kWait,       // submissions up to this one are done, and the host knows

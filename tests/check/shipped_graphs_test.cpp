@@ -117,6 +117,20 @@ TEST_P(ShippedGraph, BytesDependNeitherOnTheOrderNorOnMemory) {
   RecordProperty("unordered_pairs", static_cast<int>(report.unordered_pairs));
 }
 
+/// Stages that have nothing to do leave barriers that nobody would miss.
+class IdleStages : public ShippedGraph {};
+
+TEST_P(IdleStages, HaveNoHazardAndBytesThatDependOnNothingElse) {
+  graph::Executor executor(services_, resolved());
+  for (int frame = 0; frame < 3; ++frame) EXPECT_NO_THROW(executor.render(scene_, anew()));
+  EXPECT_NO_THROW((void)executor.check(scene_, {}, 2));
+}
+
+INSTANTIATE_TEST_SUITE_P(Check, IdleStages,
+                         testing::Values(Variant{"tiled_without_lists", "tiled.toml", {}},
+                                         Variant{"reduced_depth", "deferred.toml", {"ao.technique=ssao"}}),
+                         [](const auto& tested) { return tested.param.name; });
+
 /// After each frame the application copies the output out, as heddle_read does, but brings no barrier of its own.
 void add_read_backs(hazard::Stream& stream, const std::string& name) {
   const auto output = std::find_if(stream.objects.begin(), stream.objects.end(),

@@ -289,6 +289,10 @@ TEST(Resolve, PutsPresetsIn) {
   const ResolvedGraph graph = with_settings({"ao.params.radius=$ao_radius"}, graph_text);
   EXPECT_EQ(find(graph, "ao").parameters[0].number[0], 2.5);
   EXPECT_THAT(graph.notes, ElementsAre("params.unused is used by no pass"));
+  EXPECT_THAT(message_of([&] {
+                with_settings({"ao.params.radius=$ao_radius", "params.ao_raduis=4"}, graph_text);
+              }),
+              AllOf(HasSubstr("no pass uses a preset 'ao_raduis'"), HasSubstr("did you mean 'ao_radius'?")));
   EXPECT_EQ(find(with_settings({"ao.params.radius=$ao_radius", "params.ao_radius=4"}, graph_text), "ao")
                 .parameters[0]
                 .number[0],

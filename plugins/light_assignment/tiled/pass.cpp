@@ -98,8 +98,12 @@ class Tiled {
     return frame.set_value("tiling", std::span<const Tiling>(&tiling_, 1));
   }
 
+  std::uint32_t activity(const Frame& frame) const {
+    // Without lists nobody looks at them: `tiling` says so.
+    return frame.stage() != kPlan && tiling_.listed_lights == 0 ? HEDDLE_NOTHING : HEDDLE_RUN;
+  }
+
   heddle_status record(const Frame& frame) {
-    if (tiling_.listed_lights == 0) return HEDDLE_OK;
     if (frame.stage() == kRange) return frame.dispatch("range", tiling_.tiles_x, tiling_.tiles_y);
     const std::uint32_t count = tiling_.listed_lights;
     const std::uint32_t groups_x = std::min(count, kGroupsInRow);

@@ -94,9 +94,11 @@ class HazardModel : public testing::Test {
     event.touches = {of(object, 0, 0)};
     stream_.events.push_back(std::move(event));
   }
-  void discard(ObjectIndex object) {
+  void discard(ObjectIndex object) { contents(Event::Kind::kDiscard, object); }
+  void accept(ObjectIndex object) { contents(Event::Kind::kAccept, object); }
+  void contents(Event::Kind kind, ObjectIndex object) {
     Event event;
-    event.kind = Event::Kind::kDiscard;
+    event.kind = kind;
     event.touches = {of(object, 0, 0)};
     stream_.events.push_back(std::move(event));
   }
@@ -494,6 +496,19 @@ TEST_F(HazardModel, TransientBufferReadInTheNextFrame) {
   command({of(b, kCompute, kRead)});
   EXPECT_THAT(found(), ElementsAre(HasSubstr("frame 1, vkCmdDispatch: 'b' is read, and its contents are undefined\n"
                                              "  found:    nobody wrote it in this frame")));
+}
+
+TEST_F(HazardModel, TransientBufferWhoseMakerHadNothingToWrite) {
+  const ObjectIndex b = buffer("b");
+  command({of(b, kCompute, kWrite)});
+  for (std::uint64_t frame = 1; frame < 3; ++frame) {
+    plain(Event::Kind::kFrame, frame);
+    discard(b);
+    accept(b);
+    barrier(b, kCompute, kWrite, kCompute, kRead);
+    command({of(b, kCompute, kRead)});
+  }
+  EXPECT_THAT(found(), IsEmpty());
 }
 
 TEST_F(HazardModel, LastReadOfAFrameAndFirstWriteOfTheNext) {
