@@ -445,19 +445,23 @@ class Scene(_Object):
         self._check(_heddle.heddle_scene_set_component(self._handle, kind, index, name.encode(), text.encode()))
 
     def camera(self, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
-               up: Sequence[float] = (0, 1, 0), near: float = 0.0, use: bool = True, name: str | None = None) -> int:
-        """A perspective camera that looks at a point. vertical_angle in radians; near: metres, what is nearer is cut away;
-        0: 0.01, in a scene of less than 10 m a thousandth of its diagonal. Returns the id."""
-        camera = _camera(position, target, vertical_angle, up, near)
+               up: Sequence[float] = (0, 1, 0), near: float = 0.0, use: bool = True, name: str | None = None, *,
+               orthographic_half_height: float | None = None) -> int:
+        """A camera that looks at a point. vertical_angle in radians; near: metres, what is nearer is cut away;
+        0: 0.01, in a scene of less than 10 m a thousandth of its diagonal. orthographic_half_height: metres from the middle
+        of the picture to its upper edge; makes the camera orthographic, and vertical_angle is then not read; None: a
+        perspective camera. Returns the id."""
+        camera = _camera(position, target, vertical_angle, up, near, orthographic_half_height)
         index = self._add(_heddle.heddle_scene_add_camera, name, ctypes.byref(camera))
         if use:
             self.use_camera(index)
         return index
 
     def move_camera(self, camera: int, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
-                    up: Sequence[float] = (0, 1, 0), near: float = 0.0) -> None:
+                    up: Sequence[float] = (0, 1, 0), near: float = 0.0, *,
+                    orthographic_half_height: float | None = None) -> None:
         """Changes a camera, all of it, as `camera` makes one; it keeps its id and name."""
-        made = _camera(position, target, vertical_angle, up, near)
+        made = _camera(position, target, vertical_angle, up, near, orthographic_half_height)
         self._check(_heddle.heddle_scene_set_camera(self._handle, camera, ctypes.byref(made)))
 
     def set_environment(self, pixels: ArrayLike | None, scale: float = 1.0, angle: float = 0.0,
@@ -847,9 +851,12 @@ def _matrix(transform: ArrayLike | None) -> Any:
 
 
 def _camera(position: Sequence[float], target: Sequence[float], vertical_angle: float, up: Sequence[float],
-            near: float) -> c.Camera:
-    return c.Camera(ctypes.sizeof(c.Camera), 0, (ctypes.c_double * 3)(*position),
-                    (ctypes.c_double * 4)(*_look_rotation(position, target, up)), vertical_angle, 0.0, near, 0.0)
+            near: float, half_height: float | None) -> c.Camera:
+    if half_height is not None and not 0 < half_height < float("inf"):
+        raise Error(2, f"error: a camera's orthographic_half_height is {half_height}\n  expected: metres, above 0, or None")
+    return c.Camera(ctypes.sizeof(c.Camera), 0 if half_height is None else 1, (ctypes.c_double * 3)(*position),
+                    (ctypes.c_double * 4)(*_look_rotation(position, target, up)),
+                    vertical_angle if half_height is None else half_height, 0.0, near, 0.0)
 
 
 def _look_rotation(position: Sequence[float], target: Sequence[float],

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 import pathlib
+from collections.abc import Sequence
 
 from .study import Point, Study
 
@@ -204,7 +205,7 @@ def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str)
     if len(front) > 1:
         front.sort()
         axes.step([x for x, _ in front], [y for _, y in front], where="post", color="0.5", linestyle=":", linewidth=1.5,
-                  zorder=0, label="no other point beats these")
+                  zorder=0, label="no other point beats these in the frame's time")
     axes.set(xscale="log", yscale="log")
     axes.margins(0.12)
     least = axes.get_ylim()[0]
@@ -256,6 +257,15 @@ def draw_lane(axes, lane: list[tuple[list[dict], str, dict]]) -> None:
 MOST_NUMBERS = 9  # along an axis
 
 
+def number_text(value: float, ticks: Sequence[float]) -> str:
+    """With as many digits as put the number of each tick within a twentieth of the nearest gap, six at least: of a narrow
+    view six would number several alike."""
+    places = sorted({float(tick) for tick in ticks if math.isfinite(tick)})
+    gap = min((high - low for low, high in zip(places, places[1:])), default=math.inf)
+    digits = next((n for n in range(6, 17) if all(abs(float(f"{place:.{n}g}") - place) <= 0.05 * gap for place in places)), 17)
+    return f"{value:.{digits}g}"
+
+
 def plain_numbers(axis, least: float = 0.0) -> None:
     """0.02 and 50 instead of powers of ten; between these the finest even steps for which there is room. Below `least` there
     are none."""
@@ -269,7 +279,7 @@ def plain_numbers(axis, least: float = 0.0) -> None:
             break
     axis.set_major_locator(ticker.LogLocator(subs=steps, numticks=50))
     axis.set_minor_locator(ticker.NullLocator())
-    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}" if value >= least else ""))
+    axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: number_text(value, axis.get_majorticklocs()) if value >= least else ""))
     axis.set_tick_params(which="both", labelsize=8)
 
 

@@ -85,7 +85,12 @@ def read_physical(reader: Reader, graph: str, settings: tuple[str, ...], own: tu
         return None
     stated = (reader.roles[role].get("references") or {}).get("physical")
     if stated is None:
-        with_one = [name for name, each in reader.roles.items() if (each.get("references") or {}).get("physical")]
+        with_one = []
+        for name, each in reader.roles.items():
+            other = (each.get("references") or {}).get("physical")
+            # One of another role that shows nothing of what is compared would be refused, too.
+            if other and (other["port"] or other["technique"].split("/")[0] == name):
+                with_one.append(name)
         reader.fail(("reference", "truth"), f"role '{role}' names no physical reference",
                     expected=f"a role that does: {', '.join(sorted(with_one))}", help="[reference] with technique, graph or set")
         return None

@@ -327,6 +327,25 @@ def test_a_ladder_has_a_line_of_its_own(host, tmp_path, monkeypatch):
     assert {"v (steps)", "v (directions)", "dominated by a cheaper rung, beyond the noise"} <= drawn.keys()
 
 
+@pytest.mark.parametrize(("low", "high"), [(5400.08, 5400.12), (1.0, 1.0 + 1e-7), (0.02, 50.0), (99.0, 101.0)])
+def test_no_two_numbers_of_an_axis_are_alike(low, high):
+    """However narrow the view: each number lies nearer to its own tick than to half of the way to the next."""
+    from heddle import study_chart
+
+    plt = study_chart.pyplot()
+    figure, axes = plt.subplots(figsize=(6, 4))
+    axes.set(xscale="log", xlim=(low, high))
+    study_chart.plain_numbers(axes.xaxis)
+    figure.canvas.draw()
+    ticks = [tick for tick in axes.xaxis.get_majorticklocs() if low <= tick <= high]
+    texts = [axes.xaxis.get_major_formatter()(tick) for tick in ticks]
+    assert len(ticks) >= 2 and len(set(texts)) == len(texts)
+    gap = min(b - a for a, b in zip(ticks, ticks[1:]))
+    assert all(abs(float(text) - tick) < 0.5 * gap for text, tick in zip(texts, ticks))
+    assert study_chart.number_text(0.02, [0.02, 50.0]) == "0.02" and study_chart.number_text(50.0, [0.02, 50.0]) == "50"
+    plt.close(figure)
+
+
 def test_values_beside_points_lie_over_nothing(tmp_path):
     from heddle import study_chart
 

@@ -73,7 +73,7 @@ def test_mistakes_are_said_at_their_lines(host, tmp_path, before, after, place, 
 
 @pytest.mark.parametrize(("role", "message"), [
     ("sky", "role 'sky' names no physical reference\n"
-     "  expected: a role that does: ambient_occlusion, lighting, ray_tracing, shadow, transparency\n"
+     "  expected: a role that does: ambient_occlusion, lighting, ray_tracing, transparency\n"
      "  help:     [reference] with technique, graph or set"),
     ("shadow", "role 'shadow' names ray_tracing/path_tracer as its physical reference, and no port of it that shows what is "
      "compared\n  help:     [reference] with technique, graph or set"),
