@@ -39,6 +39,11 @@ inline const bool kHasCache = [] {
   return true;
 }();
 
+/// The next bake knows no artifact and no part of one.
+inline void forget_all() {
+  std::filesystem::remove_all(std::filesystem::path(std::getenv("HEDDLE_CACHE")) / "artifacts");
+}
+
 struct Result {
   Baked baked;
   std::vector<std::byte> bytes;

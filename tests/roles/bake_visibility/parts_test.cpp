@@ -37,10 +37,6 @@ Result bake_house(const std::string& technique, const House& house, const std::v
   return bake(scene, technique, settings);
 }
 
-void forget_all() {
-  std::filesystem::remove_all(std::filesystem::path(std::getenv("HEDDLE_CACHE")) / "artifacts");
-}
-
 double work_of(const Result& result) {
   return result.report[result.report.contains("pairs") ? "pairs" : "faces"].get<double>();
 }
