@@ -81,15 +81,21 @@ void Executor::State::begin_frame_memory() {
     if (state.made) state.made->is_placed = false;
 }
 
-void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled) {
+void Executor::State::run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled,
+                                bool stops_here) {
   const auto start = Clock::now();
   const double cpu_start = is_profiled ? process_cpu_ms() : 0;  // a system call
-  stop_if_cancelled();
-  if (services.progress) {
+  if (stops_here) stop_if_cancelled();
+  if (services.progress && !stop_reason) {
     const Pass& running = graph.passes[order.stages[index].pass];
-    services.progress(fmt::format("stage '{}' of pass '{}'",
-                                  running.entry.technique->stages[order.stages[index].stage].name, running.name),
-                      static_cast<double>(index) / static_cast<double>(order.stages.size()));
+    try {
+      services.progress(fmt::format("stage '{}' of pass '{}'",
+                                    running.entry.technique->stages[order.stages[index].stage].name, running.name),
+                        static_cast<double>(index) / static_cast<double>(order.stages.size()));
+    } catch (...) {
+      if (stops_here) throw;
+      stop_reason = std::current_exception();
+    }
   }
   poison_around(index, true);
   run_stage(index, before);

@@ -172,8 +172,12 @@ void Executor::State::run_again(std::uint32_t last, bool is_profiled) {
   submit_and_wait();
   begin_frame_memory();
   begin_commands();
+  // What can go on stops behind `last`, which keeps what is done: stopped before it, the slices since the last saving
+  // would be lost.
+  const bool stops_here = !can_go_on(*state.descriptor);
   for (std::uint32_t s = first; s <= last; ++s)
-    if (order.stages[s].pass == pass && !order.stages[s].is_read_back) run_timed(s, barriers_again(s), is_profiled);
+    if (order.stages[s].pass == pass && !order.stages[s].is_read_back)
+      run_timed(s, barriers_again(s), is_profiled, stops_here);
   if (!state.again) state.slice = 0;
 }
 

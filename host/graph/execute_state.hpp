@@ -410,7 +410,8 @@ struct Executor::State : FrameMemory {
   void run_stage(std::uint32_t index, std::span<const Barrier> before);
   void run_stages(bool is_profiled);
   void run_loop(std::size_t loop, bool is_profiled);
-  void run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled);
+  /// stops_here: before the stage, if asked to.
+  void run_timed(std::uint32_t index, std::span<const Barrier> before, bool is_profiled, bool stops_here = true);
   [[nodiscard]] bool find_iterations();
   [[nodiscard]] bool is_still(const scene::Scene& scene, const FrameOptions& options);
   void begin_frame_memory();

@@ -304,6 +304,23 @@ TEST_F(Jobs, StopBetweenSlicesAndGoOnInAnotherProcess) {
   }
 }
 
+TEST_F(Jobs, StopBehindASliceOfSeveralStagesAndNeverWithinIt) {
+  // Asked to stop by the first stage of a slice: the slice is done whole, and kept with those before it.
+  for (const int slice : {1, 3}) {
+    Host host(cache_);
+    ASSERT_EQ(host.parse(kPairJob, "job.toml", folder_), HEDDLE_OK);
+    host.cancel_at = "adds part " + std::to_string(slice);
+    EXPECT_EQ(host.try_run(), HEDDLE_CANCELLED);
+    EXPECT_EQ(host.count_said("): slice " + std::to_string(slice)), 1);
+    EXPECT_EQ(host.count_said("is kept; the next run goes on there"), 1);
+  }
+  Host host(cache_);
+  ASSERT_EQ(host.parse(kPairJob, "job.toml", folder_), HEDDLE_OK);
+  host.run();
+  EXPECT_EQ(host.count_said("): slice "), 1) << "the last of five";
+  EXPECT_EQ(host.table(), std::vector<double>(8, 15.0));
+}
+
 TEST_F(Jobs, DoSlicesOfSeveralStagesTogether) {
   Host host(cache_);
   ASSERT_EQ(host.parse(kPairJob, "job.toml", folder_), HEDDLE_OK);

@@ -53,7 +53,9 @@ constexpr double kBounceLadder[] = {1, 2, 4, 8, 16, 0};
 constexpr double kSkyLadder[] = {64, 128, 256, 512, 1024};
 
 constexpr heddle_parameter kParameters[] = {
-    knob(integer("samples", "1", 1, 1000000, 64, "paths a pixel; powers of two times 4 fill the square most evenly"),
+    knob(integer("samples", "1", 1, 1000000, 64,
+                 "paths a pixel; powers of two times 4 fill the square most evenly; a checkpoint of more "
+                 "is shown whole"),
          kSampleLadder),
     parameter("target_error", "1", 0, 1, 0,
               "ends once the standard error, over all pixels, is this share of the mean radiance; 0: never before "
@@ -580,6 +582,9 @@ class PathTracer {
     switch (film_.load(checkpoint_, found)) {
       case Film::Found::kLoaded:
         taken_up = film_.samples();
+        if (const std::int64_t wanted = host.integer("samples"); wanted < static_cast<std::int64_t>(taken_up))
+          host.warn(shown + " holds " + std::to_string(taken_up) + " samples and `samples` asks for " +
+                    std::to_string(wanted) + ": all that it holds are shown; for fewer give another checkpoint");
         return HEDDLE_OK;
       case Film::Found::kForeign:
         return host.fail(HEDDLE_BAD_INPUT, shown +

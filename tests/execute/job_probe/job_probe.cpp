@@ -141,6 +141,7 @@ constexpr heddle_parameter kPairParameters[] = {
 struct Pair {
   heddle_status record(const Frame& frame) {
     if (frame.stage() == 0) return frame.dispatch("clear", 1);
+    frame.host().inform("adds part " + std::to_string(frame.info().slice));
     return frame.dispatch("add", 1, 1, 1, frame.info().slice);
   }
   heddle_status execute(const Frame& frame) {

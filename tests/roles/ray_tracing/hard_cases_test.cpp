@@ -181,6 +181,27 @@ TEST(PathTracer, AFileThatIsNotItsOwnCheckpointIsRefusedAndStaysAsItIs) {
   EXPECT_EQ(counter(again, "samples_taken_up"), 8U) << "after all this it is still good";
 }
 
+TEST(PathTracer, ACheckpointOfMoreSamplesIsShownWholeAndSaysSo) {
+  Scene scene;
+  furnish(scene);
+  const Folder folder;
+  const std::string place = "params.checkpoint = \"" + folder.path().string() + "/\"\n";
+  Host& host = Host::get();
+  std::vector<Image> expected;
+  for (const char* samples : {"8", "2"}) {
+    host.log.clear();
+    Graph graph(graph_text(std::string("params.samples = ") + samples + "\n" + place, kDim, 16));
+    const std::vector<Image> shown = all_ports(graph, scene);
+    if (expected.empty()) expected = shown;
+    expect_same(shown, expected, samples);
+    const auto said = std::ranges::count_if(host.log, [](const std::string& line) {
+      return line.find(".path' holds 8 samples and `samples` asks for 2: all that it holds are shown") !=
+             std::string::npos;
+    });
+    EXPECT_EQ(said, std::string(samples) == "2" ? 1 : 0);
+  }
+}
+
 TEST(PathTracer, ADamagedCheckpointIsSetAside) {
   Scene scene;
   furnish(scene);
