@@ -18,19 +18,6 @@ namespace heddle::cli {
 
 namespace {
 
-/// "FILE" or "PASS.PORT=FILE". No port has a slash in its name, so "/tmp/a=b.png" is a file.
-Output parse_output(const std::string& text) {
-  const std::size_t equals = text.find('=');
-  if (equals == std::string::npos || text.find('/') < equals) return {{}, text};
-  if (equals == 0 || equals + 1 == text.size()) {
-    throw Failure{HEDDLE_BAD_INPUT, fmt::format("error: --output has no {} beside its '='\n"
-                                                "  found:    {}\n"
-                                                "  expected: FILE, or PASS.PORT=FILE",
-                                                equals == 0 ? "port" : "file", text)};
-  }
-  return {text.substr(0, equals), text.substr(equals + 1)};
-}
-
 struct RunArguments : RenderArguments {
   std::vector<std::string> outputs;
   std::string stats;
@@ -88,6 +75,7 @@ void render_frames(const RunArguments& arguments, heddle_host* host, heddle_grap
   options.time_step = arguments.time_step;
   const char* text = nullptr;
   std::vector<double> frame_ms;
+  Writing writing;
   for (int frame = 0; frame < arguments.frames; ++frame) {
     const bool is_last = frame + 1 == arguments.frames;
     stop_if_asked();
@@ -99,10 +87,13 @@ void render_frames(const RunArguments& arguments, heddle_host* host, heddle_grap
     for (const Output& output : outputs) {
       if (!is_last && !number_place(output.file.string())) continue;
       stop_if_asked();
-      const std::filesystem::path file = frame_file(output.file, frame);
-      write_port(host, graph, output.port, file);
-      say(arguments.host, fmt::format("wrote {}", file.string()));
+      writing.write([&] {
+        const std::filesystem::path file = frame_file(output.file, frame);
+        write_port(host, graph, output.port, file);
+        say(arguments.host, fmt::format("wrote {}", file.string()));
+      });
     }
+    if (!is_last) writing.finish();
   }
   if (arguments.host.check)
     say(arguments.host,
@@ -158,30 +149,22 @@ void render_frames(const RunArguments& arguments, heddle_host* host, heddle_grap
                     plan["wall_ms"].get<double>(), plan["passes_made"].get<int>(), plan["pipelines_made"].get<int>(),
                     plan["passes_kept"].get<int>(), plan["pipelines_kept"].get<int>()));
   }
+  writing.finish();
 }
 
 int run(RunArguments& arguments) {
   arguments.sort_files();
   const Owned<heddle_host> host = make_host(arguments.host);
   const Owned<heddle_graph> graph = load_graph(host.get(), arguments);
-  std::vector<Output> outputs;
-  for (const std::string& text : arguments.outputs) outputs.push_back(parse_output(text));
+  std::vector<Output> outputs = parse_outputs(host.get(), graph.get(), arguments.outputs);
   const bool runs_job = is_job(host.get(), graph.get());
   // What a frame leaves to the next one comes round in the third.
   if (arguments.host.check && !runs_job) arguments.frames = std::max(arguments.frames, 3);
   if (outputs.empty() && !runs_job) outputs.push_back({{}, "heddle.png"});
-  for (std::size_t i = 0; i < outputs.size(); ++i) {
-    for (std::size_t other = 0; other < i; ++other) {
-      if (outputs[i].file == outputs[other].file) {
-        throw Failure{HEDDLE_BAD_INPUT,
-                      fmt::format("error: two outputs were given the file '{}'", outputs[i].file.string())};
-      }
-    }
-  }
   const JobArguments of_job{arguments, outputs, arguments.stats, arguments.profile};
   if (runs_job) prepare_job(host.get(), graph.get(), of_job);
   for (const Output& output : outputs) {
-    if (!runs_job && !output.port.empty()) keep_output(host.get(), graph.get(), output.port, output.file);
+    if (!runs_job) keep_output(host.get(), graph.get(), output);
   }
   Owned<heddle_scene> scene = load_scene(host.get(), arguments);
   int status = HEDDLE_OK;

@@ -87,7 +87,10 @@ bool is_job(heddle_host* host, heddle_graph* graph) {
   return describe(host, graph)["kind"] == "job";
 }
 
-void keep_output(heddle_host* host, heddle_graph* graph, const std::string& port, const std::filesystem::path& file) {
+void keep_output(heddle_host* host, heddle_graph* graph, const Output& output) {
+  refuse_format(output);
+  const auto& [port, file] = output;
+  if (port.empty()) return;
   try {
     check(host, heddle_graph_keep(graph, port.c_str()));
   } catch (Failure& failure) {
@@ -107,7 +110,7 @@ void prepare_job(heddle_host* host, heddle_graph* job, const JobArguments& argum
     const std::string port = meant_port(description, output.port);
     const std::string type = type_of(description, port);
     // Images are in no cache; what is no port at all, this says.
-    if (type != "artifact" && type != "report") keep_output(host, job, port, output.file);
+    if (type != "artifact" && type != "report") keep_output(host, job, {port, output.file});
   }
 }
 
@@ -120,10 +123,13 @@ int run_job(heddle_host* host, heddle_graph* job, heddle_scene* scene, const Job
   check(host, heddle_job_run(job, scene, &options, &text));
   const Json result = parse_json(text);
   const Json description = describe(host, job);
+  Writing writing;
   for (const Output& output : arguments.outputs) {
     stop_if_asked();
-    write_output(host, job, result, meant_port(description, output.port), output.file);
-    say(arguments.render.host, fmt::format("wrote {}", output.file.string()));
+    writing.write([&] {
+      write_output(host, job, result, meant_port(description, output.port), output.file);
+      say(arguments.render.host, fmt::format("wrote {}", output.file.string()));
+    });
   }
   for (const Json& report : result["reports"]) print_report(report);
   if (arguments.stats == "-") {
@@ -143,6 +149,7 @@ int run_job(heddle_host* host, heddle_graph* job, heddle_scene* scene, const Job
   say(arguments.render.host,
       fmt::format("{}: {:.1f} s{}", arguments.render.graph_file.string(), result["wall_ms"].get<double>() / 1000.0,
                   errors == 0 ? "" : fmt::format(", {} errors were reported", errors)));
+  writing.finish();
   return errors == 0 ? HEDDLE_OK : 1;
 }
 

@@ -2,17 +2,10 @@
 // What `heddle run` does with a graph that is a job.
 #pragma once
 
+#include "cli/outputs.hpp"
 #include "cli/session.hpp"
 
-#include <functional>
-
 namespace heddle::cli {
-
-/// Where something that a graph makes goes.
-struct Output {
-  std::string port;  // empty: the graph's output
-  std::filesystem::path file;
-};
 
 struct JobArguments {
   const RenderArguments& render;
@@ -21,9 +14,9 @@ struct JobArguments {
   bool is_profiled = false;
 };
 
-/// Keeps a port that an output names. What is no port of the graph may be a file's name: the failure then says how to
-/// write that.
-void keep_output(heddle_host* host, heddle_graph* graph, const std::string& port, const std::filesystem::path& file);
+/// Keeps the image that an output names. What is no port of the graph may be a file's name: the failure then says how
+/// to write that.
+void keep_output(heddle_host* host, heddle_graph* graph, const Output& output);
 /// True where the graph says kind = "job".
 bool is_job(heddle_host* host, heddle_graph* graph);
 /// Makes what the job leaves, unless the cache holds it, writes the outputs, and prints reports. Answers the exit

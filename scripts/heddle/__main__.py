@@ -24,7 +24,7 @@ from typing import NoReturn
 from . import Error, Graph, Host, Job, Scene, version
 from . import compare as heddle_compare
 from ._library import CANCELLED
-from .outputs import keep_outputs, parse_outputs
+from .outputs import Writing, frame_file, keep_outputs, parse_outputs
 
 Update = Callable[[Scene, float], None]
 
@@ -205,11 +205,6 @@ def stays(_scene: Scene, _time: float) -> None:
     """update() of scenes that have none."""
 
 
-def frame_file(file: str, frame: int) -> str:
-    """The file of one frame: "frame_%04d.png" names one for each."""
-    return re.sub(r"%(\d{0,2})d", lambda match: f"{frame:0{int(match.group(1) or 0)}d}", file, count=1)
-
-
 def load_all(host: Host, scene: Scene, file: str | None,
              arguments: argparse.Namespace) -> Update:
     update = stays if file is None else load_scene(scene, file, arguments.trust_files)
@@ -279,7 +274,7 @@ def run(arguments: argparse.Namespace) -> int:
 
         if arguments.check:  # what a frame leaves to the next one comes round in the third
             arguments.frames = max(arguments.frames, 3)
-        outputs = parse_outputs(arguments.output or ["heddle.png"])
+        outputs = parse_outputs(graph, arguments.output or ["heddle.png"])
         keep_outputs(graph, outputs)
         if arguments.watch:
             watch(arguments, host, graph, scene_file, render)
@@ -329,7 +324,7 @@ def run_job(arguments: argparse.Namespace, host: Host, job: Job, scene_file: str
     description = job.describe()
     types = {port["name"]: port["type"] for port in description["ports"]}
     left = [name for name, type in types.items() if type in ("artifact", "report") and "#" not in name]
-    outputs = parse_outputs(arguments.output or [])
+    outputs = parse_outputs(job, arguments.output or [])
     for output in outputs:
         output[0] = output[0] or description["output"] or (left[0] if len(left) == 1 else None)
         if output[0] is None:
@@ -349,16 +344,17 @@ def make_outputs(arguments: argparse.Namespace, host: Host, job: Job, types: dic
     update(scene, arguments.time)
     result = job.run(scene, arguments.time, arguments.seed)
     reports = {report["name"]: report["rows"] for report in result["reports"]}
+    writing = Writing()
     for port, file in outputs:
         stop_if_asked()
-        pathlib.Path(file).parent.mkdir(parents=True, exist_ok=True)
-        if port in reports:
-            write_file(file, json.dumps(reports[port], indent=2) + "\n")
-        elif types[port] == "artifact":
-            write_file(file, job.artifact(port))
-        else:
-            host.write_image(file, job.read(port))
-        say(arguments, f"wrote {file}")
+        with writing.of(file):
+            if port in reports:
+                write_file(file, json.dumps(reports[port], indent=2) + "\n")
+            elif types[port] == "artifact":
+                write_file(file, job.artifact(port))
+            else:
+                host.write_image(file, job.read(port))
+            say(arguments, f"wrote {file}")
     for name, rows in reports.items():
         for row in rows:
             values = ", ".join(f"{key} {value if isinstance(value, str) else json.dumps(value)}"
@@ -372,6 +368,7 @@ def make_outputs(arguments: argparse.Namespace, host: Host, job: Job, types: dic
         origin = "from the cache" if artifact["origin"] == "cache" else "made"
         say(arguments, f"artifact '{artifact['name']}': {origin}, {artifact['bytes'] / 2**20:.1f} MiB, "
                        f"{artifact['file'] or 'kept nowhere'}")
+    writing.finish()
     return 1 if result["errors"] else 0
 
 
@@ -390,7 +387,7 @@ def make_scene(arguments: argparse.Namespace, host: Host, file: str | None) -> t
 def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene: Scene, update: Update,
                   outputs: list[list]) -> None:
     """All frames of the arguments, with their outputs and what is said of them."""
-    frame_ms = []
+    frame_ms, writing = [], Writing()
     for frame in range(arguments.frames):
         stop_if_asked()
         is_last = frame + 1 == arguments.frames
@@ -403,9 +400,11 @@ def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene
             if is_last or frame_file(file, frame) != file:
                 stop_if_asked()
                 file = frame_file(file, frame)
-                pathlib.Path(file).parent.mkdir(parents=True, exist_ok=True)
-                host.write_image(file, graph.read(port))
-                say(arguments, f"wrote {file}")
+                with writing.of(file):
+                    host.write_image(file, graph.read(port))
+                    say(arguments, f"wrote {file}")
+        if not is_last:
+            writing.finish()
     if arguments.check:
         say(arguments, f"checked {arguments.frames} frames: every hazard and layout is covered, and every pass keeps to "
                        "its role's numbers")
@@ -442,6 +441,7 @@ def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene
     if arguments.watch:
         say(arguments, "planned in {wall_ms:.0f} ms: {passes_made} passes and {pipelines_made} pipelines made, "
                        "{passes_kept} and {pipelines_kept} kept".format(**stats["plan"]))
+    writing.finish()
 
 
 def watch(arguments: argparse.Namespace, host: Host, graph: Graph | Job, scene_file: str | None,

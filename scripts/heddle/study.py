@@ -84,6 +84,7 @@ class Study:
     chart_pass: str | None = None  # whose own time the chart shows beside the frame's; None: pass_name
     extents: tuple[tuple[int, int], ...] = ()  # at which points are timed as well, for the cost model
     unit: str = ""  # of what is compared; empty: unknown
+    warnings: tuple[str, ...] = ()  # of what a study may well mean, each with its place
 
 
 # What a table may hold: the types of its values, in words for errors.
@@ -143,8 +144,8 @@ class Places:
         place = next((self._places[path[:n]] for n in range(len(path), 0, -1) if path[:n] in self._places), None)
         return f"{self.file}:{place[0]}:{place[1]}" if place else self.file
 
-    def error(self, path: tuple, message: str, found: str = "", expected: str = "", help: str = "") -> str:
-        lines = [f"{self.where(path)}: error: {message}"]
+    def error(self, path: tuple, message: str, found: str = "", expected: str = "", help: str = "", level: str = "error") -> str:
+        lines = [f"{self.where(path)}: {level}: {message}"]
         lines += [f"  {name + ':':<9} {text}" for name, text in (("found", found), ("expected", expected), ("help", help)) if text]
         return "\n".join(lines)
 
@@ -155,6 +156,8 @@ class Reader:
     def __init__(self, host: Host, places: Places, folder: pathlib.Path):
         self.host, self.places, self.folder = host, places, folder
         self.errors: list[str] = []
+        self.warnings: list[str] = []
+        self.parameters: dict[str, dict[str, tuple[tuple, Any]]] = {}  # of the studied pass at each point: (place, value)
         self.is_pass_known = True  # else that was said, and is not said again of each variant
         self._cameras: dict[tuple, list[str] | None] = {}
         self.extent: tuple[str, list[int]] | None = None  # of the first variant, and its name
@@ -164,6 +167,9 @@ class Reader:
 
     def fail(self, path: tuple, message: str, **rest: str) -> None:
         self.errors.append(self.places.error(path, message, **rest))
+
+    def warn(self, path: tuple, message: str, **rest: str) -> None:
+        self.warnings.append(self.places.error(path, message, level="warning", **rest))
 
     def unknown(self, path: tuple, what: str, name: str, names: Iterable[str]) -> None:
         names = list(names)
@@ -358,7 +364,8 @@ def understand(host: Host, written: dict[str, Any], places: Places, name: str, f
         budget_minutes=reader.number(table, "budget_minutes", 30, 0, 1e6), exposures=exposures, tone_mapper=tone_mapper,
         seed=reader.number(table, "seed", 0, 0, 2**31), leave_one_out=leave_one_out,
         chart_pass=table.get("chart_pass"), extents=extents,
-        function_image=role if port == FUNCTION_PORT else None, unit=unit_of(reader, port, passes))
+        function_image=role if port == FUNCTION_PORT else None, unit=unit_of(reader, port, passes),
+        warnings=tuple(reader.warnings))
     if reader.errors:
         raise Error(2, "\n".join(reader.errors))
     return study
@@ -603,6 +610,9 @@ def read_variants(reader: Reader, tables: list[dict], graph: str, settings: tupl
             if any(point.name == each.name and each.variant != name for each in points):
                 reader.fail((*path, "name"), f"a point of another variant is called '{point.name}' as well")
             points.append(point)
+            written = dict.fromkeys((present or {}).get("parameters", {}), place) | {knob: (*path, "knobs") for knob, _ in rung}
+            values = (present or {}).get("parameters", {}) | dict(rung)
+            reader.parameters[point.name] = {key: (written[key], value) for key, value in values.items()}
     return tuple(points)
 
 

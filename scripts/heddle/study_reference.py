@@ -120,6 +120,7 @@ def read_physical(reader: Reader, graph: str, settings: tuple[str, ...], own: tu
     there = next((each for each in described["passes"] if each["name"] == pass_name), {})
     shared = {key: there.get("parameters", {}).get(of_pass) for key, of_pass in stated["shared"].items()}
     params = stated["params"] | {key: value for key, value in shared.items() if value is not None}
+    warn_of_other_truths(reader, pass_name, name, {of_pass: shared[key] for key, of_pass in stated["shared"].items()})
     adds = f'[[pass]]\nname = "{PHYSICAL}"\nrole = "{of[0]}"\ntechnique = "{of[1]}"\n'
     everything = (*settings, *[f"{PHYSICAL}.params.{key}={value}" for key, value in params.items()], *own)
     made = f"{PHYSICAL}.{stated['port']}"
@@ -131,6 +132,21 @@ def read_physical(reader: Reader, graph: str, settings: tuple[str, ...], own: tu
                     + str(error).replace("\n", "\n    "))
         return None
     return Reference(graph, everything, parts, port=made, adds=adds)
+
+
+def warn_of_other_truths(reader: Reader, pass_name: str, name: str, shared: Mapping[str, Any]) -> None:
+    """All points are compared with one truth, which has the graph's values of what is shared: of a point with another value
+    that is part of its error. A study may ask just that, so it is no mistake; said once for a place."""
+    told: set[tuple] = set()
+    for point, own in reader.parameters.items():
+        for parameter, truth in shared.items():
+            place, value = own.get(parameter, ((), None))
+            if truth is None or value is None or value == truth or (place, parameter) in told:
+                continue
+            told.add((place, parameter))
+            reader.warn(place, f"'{point}' is compared with the truth of another {parameter}",
+                        found=f"{pass_name}.params.{parameter}={value}, and {truth} in {name}",
+                        help=f"to compare it with its own, set {pass_name}.params.{parameter} in 'set' at the top, for all")
 
 
 def read_files(reader: Reader, table: Mapping[str, Any], scenes: Sequence[SceneChoice]) -> Reference | None:

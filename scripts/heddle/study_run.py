@@ -593,6 +593,8 @@ def measure_study(options: argparse.Namespace, host: Host, study: Study, say: Ca
     study = dataclasses.replace(study, **{key: value for key, value in (
         ("rounds", options.rounds), ("budget_minutes", options.budget)) if value is not None})
     folder = pathlib.Path(options.folder or pathlib.Path("out") / study.name)
+    for warning in study.warnings:
+        say(warning)
     say(f"{study.title}: {len(study.scenes)} scenes, {len(study.points)} points, {study.rounds} rounds of "
         f"{study.frames} frames twice, {', '.join(study.metrics)} of {study.port}")
     if options.dry_run:

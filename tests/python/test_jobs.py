@@ -100,6 +100,15 @@ def test_what_a_job_cannot_do_is_told(folder):
     assert ran.returncode == 2 and "this graph is a job, and renders no frames" in ran.stderr
 
 
+def test_an_output_of_a_job_that_fails_takes_no_other_one_with_it(folder):
+    ran = folder.run("run", folder.path / "job.toml", "--output", "count.table=/proc/nowhere/table.bin",
+                     "--output", f"count.report={folder.path}/report")  # bytes and rows need no extension
+    assert ran.returncode == 4 and ran.stderr.splitlines()[-1] == "error: cannot write '/proc/nowhere/table.bin'"
+    assert json.loads((folder.path / "report").read_text())
+    named = folder.run("run", folder.path / "job.toml", "--output", "count.table")
+    assert (named.returncode, named.stderr.splitlines()[0]) == (2, "error: --output 'count.table' is a port, and no file")
+
+
 def test_a_killed_job_goes_on(folder):
     killed = folder.run("run", folder.path / "job.toml", HEDDLE_PROBE_KILL_AT="2")
     assert killed.returncode == -signal.SIGKILL

@@ -80,3 +80,36 @@ def test_an_output_that_names_no_port_says_how_to_name_a_file(command, triangle,
     for wrong, what in (("=b.png", "port"), ("gbuffer.depth=", "file")):
         assert said(command, *words, "--output", wrong) == [
             f"error: --output has no {what} beside its '='", f"  found:    {wrong}", "  expected: FILE, or PASS.PORT=FILE"]
+
+
+@pytest.mark.parametrize("scene", ["scene.py", "scene.gltf"])
+@pytest.mark.parametrize(("outputs", "message"), [
+    (["a.png", "./a.png"], ["error: two outputs were given the file './a.png'", "  expected: a file for each"]),
+    (["a.png", "ao.visibility=a.png"], ["error: two outputs were given the file 'a.png'", "  expected: a file for each"]),
+    (["a.png", "ao.visibility"], ["error: --output 'ao.visibility' is a port, and no file", "  expected: ao.visibility=FILE",
+                                  "  help:     for a file of that name write --output './ao.visibility'"]),
+    (["a.png", "ao.visibility=b"], ["error: --output 'b' has no extension, which says how an image is written",
+                                    "  expected: .png, .exr or another at its end"]),
+    (["a.png", "b."], ["error: --output 'b.' has no extension, which says how an image is written",
+                       "  expected: .png, .exr or another at its end"]),
+])
+def test_what_cannot_be_written_is_said_before_anything_is_rendered(command, triangle, tmp_path, scene, outputs, message):
+    words = [word for output in outputs for word in ("--output", output)]
+    done = subprocess.run([command, "run", str(triangle / scene), "--set", "extent=[16,16]", *words], cwd=tmp_path,
+                          capture_output=True, text=True)
+    assert (done.returncode, done.stderr.splitlines()) == (2, message)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("scene", ["scene.py", "scene.gltf"])
+def test_an_output_that_fails_takes_no_other_one_with_it(command, triangle, tmp_path, scene):
+    words = ["--output", "first.nosuch", "--output", "gbuffer.depth=%d.exr", "--output", "ao.visibility=/proc/nowhere/b.exr",
+             "--output", "ao.visibility=last.png", "--frames", "2", "--stats", "stats.json"]
+    done = subprocess.run([command, "run", str(triangle / scene), "--set", "extent=[16,16]", *words], cwd=tmp_path,
+                          capture_output=True, text=True)
+    assert done.returncode == 2, "as the first failure"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0.exr", "1.exr", "last.png", "stats.json"]
+    said = done.stderr.splitlines()
+    assert [line.split(": ")[0] for line in said if ": error: " in line] == ["first.nosuch", "/proc/nowhere/b.exr"]
+    assert "wrote last.png" in said and "wrote first.nosuch" not in said
+    assert said.index("wrote last.png") < said.index(next(line for line in said if ": error: " in line)), "told last"

@@ -83,6 +83,21 @@ def test_a_role_without_a_physical_reference_is_said_before_anything_renders(hos
     assert refusal(host, tmp_path, text) == f"/small.toml:1:1: error: {message}"
 
 
+def test_a_point_of_another_radius_than_its_truth_is_told_at_its_line(host, tmp_path):
+    """Of `wide` alone, which sets another one; of a ladder of radii once, for the first rung that is not the truth's."""
+    study = definition.read(host, written(tmp_path, OCCLUSION))
+    assert [text.replace(str(tmp_path), "") for text in study.warnings] == [
+        "/small.toml:17:1: warning: 'wide' is compared with the truth of another radius\n  found:    ao.params.radius=1.0, and 0.3 in "
+        "ray_tracing/path_tracer\n  help:     to compare it with its own, set ao.params.radius in 'set' at the top, for all"]
+    ladder = OCCLUSION.replace('technique = "gtao"', 'technique = "gtao"\nknobs = { radius = [0.3, 0.5, 0.7] }')
+    first, second = definition.read(host, written(tmp_path, ladder)).warnings
+    assert ":10:1: warning: 'screen radius=0.5' is compared" in first and "'wide' is compared" in second
+    alike = OCCLUSION.replace('"ao.params.radius=1"', '"ao.params.radius=0.3"')
+    assert definition.read(host, written(tmp_path, alike)).warnings == ()
+    same = OCCLUSION.replace('truth = "physical"\nset = ["physical.params.samples=64"]', 'truth = "same_model"')
+    assert definition.read(host, written(tmp_path, same)).warnings == ()
+
+
 def test_what_is_true_is_a_word_or_a_table(host, tmp_path):
     assert "/small.toml:1:1: error: 'reference' says what is true\n  found:    reference = 3" in refusal(
         host, tmp_path, 'reference = 3\nrole = "sky"\n[[scene]]\nfile = "cornell_box.py"\n[[variant]]\nname = "it"\n')
