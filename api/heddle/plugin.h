@@ -585,7 +585,8 @@ typedef struct heddle_technique {
   /* Frees the object; the GPU is done with it. [main-thread] */
   void (*destroy)(heddle_pass* pass);
   /* Whether a stage has work this frame: HEDDLE_RUN, HEDDLE_KEEP (outputs are still right; only for stages whose
-   * outputs are all HEDDLE_PORT_KEPT) or HEDDLE_NOTHING (outputs are neutral). NULL: always HEDDLE_RUN.
+   * outputs are all HEDDLE_PORT_KEPT) or HEDDLE_NOTHING (images are neutral, lists empty; other buffers hold anything, and
+   * who reads them is told by another port that nothing is in them). NULL: always HEDDLE_RUN.
    * [record-thread] */
   uint32_t (*activity)(heddle_pass* pass, const heddle_pass_host* host, uint32_t stage, heddle_frame* frame,
                        const heddle_frame_info* info);
