@@ -312,10 +312,14 @@ inline double quad_count(const heddle_scene_mesh& mesh, std::int32_t levels) {
 }
 inline constexpr double kMostQuads = 1 << 21;
 
-/// In declare: every object of the scene that is planned for. `levels`: of components that do not say; `least`: of all
-/// that are subdivided. What cannot be subdivided is told and left as it is.
-inline heddle_status find_objects(const pass::PassHost& host, std::int32_t levels,
-                                  std::vector<std::shared_ptr<Object>>& objects, std::int32_t least = 0) {
+/// How often a technique splits faces: where components do not say, and the bounds of what they say.
+struct Levels {
+  std::int32_t otherwise, least, most;
+};
+
+/// In declare: every object of the scene that is planned for. What cannot be subdivided is told and left as it is.
+inline heddle_status find_objects(const pass::PassHost& host, const Levels& levels,
+                                  std::vector<std::shared_ptr<Object>>& objects) {
   objects.clear();
   std::optional<pass::Components> surfaces;
   if (const heddle_status status = pass::components(host, nullptr, "subdivision.surface", surfaces);
@@ -327,12 +331,12 @@ inline heddle_status find_objects(const pass::PassHost& host, std::int32_t level
     if (surfaces->owner_kind(row) != HEDDLE_OWNER_INSTANCE) continue;
     const std::uint32_t instance = surfaces->owner(row);
     Settings settings;
-    settings.levels = static_cast<std::int32_t>(surfaces->written(row, "levels").value_or(levels));
+    settings.levels = static_cast<std::int32_t>(surfaces->written(row, "levels").value_or(levels.otherwise));
     settings.pins_corners = surfaces->values(row, "border")[0] == 0;
     settings.crease_angle = surfaces->values(row, "crease_angle")[0];
     settings.crease_sharpness = surfaces->values(row, "crease_sharpness")[0];
     if (settings.levels == 0 || instance >= meshes.content().instance_count) continue;
-    settings.levels = std::max(settings.levels, least);
+    settings.levels = std::clamp(settings.levels, levels.least, levels.most);
     const std::uint32_t mesh = meshes.instance(instance).mesh;
     std::shared_ptr<Object>& object = by_key[{mesh, settings}];
     if (!object) {

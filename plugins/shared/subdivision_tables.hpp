@@ -88,7 +88,7 @@ class Tables {
   /// In declare: finds the objects and says how large the buffers are; `keeps_vertices`: also that of `vertices`.
   heddle_status declare(const pass::PassHost& host, bool keeps_vertices) {
     std::vector<std::shared_ptr<Object>> found;
-    const heddle_status status = find_objects(host, host.integer("levels"), found);
+    const heddle_status status = find_objects(host, {host.integer("levels"), 1, host.integer("levels_at_most")}, found);
     if (status != HEDDLE_OK) return status;
     places.clear();
     rows_.clear();
@@ -231,6 +231,9 @@ inline constexpr heddle_parameter kParameters[] = {
     pass::knob(
         pass::integer("levels", "1", 1, 6, 2, "how often every face is split in four, where the component does not say",
                       HEDDLE_PARAMETER_REDECLARE),
+        kLevels),
+    pass::knob(
+        pass::integer("levels_at_most", "1", 1, 6, 6, "components ask for more in vain", HEDDLE_PARAMETER_REDECLARE),
         kLevels),
     pass::toggle("limit", true, "vertices lie on the limit surface, not where refinement has brought them so far",
                  HEDDLE_PARAMETER_REDECLARE),

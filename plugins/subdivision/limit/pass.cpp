@@ -62,8 +62,8 @@ HeddleVertex evaluate(const Object& object, const Corner& corner, const HeddleVe
 class LimitSurface {
  public:
   heddle_status declare(const PassHost& host) {
-    const heddle_status status =
-        heddle::subdivision::find_objects(host, host.integer("levels"), objects_, host.integer("levels"));
+    const std::int32_t levels = host.integer("levels");
+    const heddle_status status = heddle::subdivision::find_objects(host, {levels, levels, 6}, objects_);
     if (status != HEDDLE_OK) return status;
     const Meshes meshes(host);
     std::uint64_t vertices = 0, indices = 0;

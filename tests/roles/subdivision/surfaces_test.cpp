@@ -269,6 +269,10 @@ TEST(Subdivision, RefinesEveryObject) {
   const Triangles seen = look(scene, "catmull_clark");
   EXPECT_EQ(seen.corners.size(), 48U + 30 * 16 * 2 + 2 * 6 * 16 * 2 + 12);
   EXPECT_EQ(count_holes(seen), 0U);
+  for (const char* technique : {"catmull_clark", "vertex_program"}) {
+    const Triangles coarse = look(scene, technique, "params.levels_at_most = 1\n");
+    EXPECT_EQ(coarse.corners.size(), 48U + 30 * 4 * 2 + 2 * 6 * 4 * 2 + 12) << technique;
+  }
 }
 
 TEST(Subdivision, LeavesWhatIsNoManifoldAsItIs) {  // H3
