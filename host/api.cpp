@@ -608,6 +608,17 @@ heddle_status heddle_read_into(heddle_graph* graph, const char* port, uint32_t l
   });
 }
 
+heddle_status heddle_read_texels(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip, void* bytes,
+                                 uint64_t capacity, heddle_texels* out) {
+  return guarded(graph->host->error, [&] {
+    std::optional<std::span<std::byte>> into;
+    if (bytes != nullptr) into = std::span(static_cast<std::byte*>(bytes), capacity);
+    const auto read = graph->executor->read_texels(text_or_empty(port), layer, mip, into);
+    *out = {sizeof *out,      read.width, read.height, static_cast<std::uint32_t>(read.format),
+            read.texel_bytes, 0,          read.size,   bytes};
+  });
+}
+
 heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
   return guarded(graph->host->error, [&] {
     const heddle::graph::FrameStats& stats = graph->executor->stats();

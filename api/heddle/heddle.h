@@ -333,6 +333,20 @@ HEDDLE_EXPORT heddle_status heddle_read(heddle_graph* graph, const char* port, u
  * HEDDLE_BAD_INPUT, and a message with both numbers, if the capacity is too small. [main-thread] */
 HEDDLE_EXPORT heddle_status heddle_read_into(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
                                              float* pixels, uint64_t capacity, heddle_image* out);
+/* Texels as the device has them, top row first, tightly packed. */
+typedef struct heddle_texels {
+  uint32_t struct_size;
+  uint32_t width, height;
+  uint32_t format;      /* VkFormat, by its number: 37 is VK_FORMAT_R8G8B8A8_UNORM */
+  uint32_t texel_bytes; /* of one; 0: blocks of 4 x 4 texels */
+  uint32_t reserved;
+  uint64_t size; /* of all, in bytes */
+  void* bytes;
+} heddle_texels;
+/* As heddle_read_into, but nothing is converted: `capacity` bytes at `bytes`, of which out->size are written; bytes NULL:
+ * only the shape. For who shows a picture of 8 bits and would turn float32 back into them. [main-thread] */
+HEDDLE_EXPORT heddle_status heddle_read_texels(heddle_graph* graph, const char* port, uint32_t layer, uint32_t mip,
+                                               void* bytes, uint64_t capacity, heddle_texels* out);
 /* Of the last frame: wall time, pass times if profiled, counters of commands and pipelines, instances drawn and culled,
  * capacity, count and overflow of lists, memory with and without aliasing, libraries opened. "late": {"mode": "repeatable"
  * or "live", "waits": how often the host waited for the GPU, "reads": copies that stages with latency read, "stale": those

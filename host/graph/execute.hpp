@@ -169,6 +169,14 @@ class Executor {
   /// The same into `pixels`, or nothing but the shape if that is empty; the answer's own pixels are empty.
   ReadBack read_into(std::string_view resource, std::uint32_t layer, std::uint32_t mip,
                      std::optional<std::span<float>> pixels);
+  struct Texels {
+    std::uint32_t width = 0, height = 0, texel_bytes = 0;
+    std::uint64_t size = 0;  // of all, in bytes
+    VkFormat format = VK_FORMAT_UNDEFINED;
+  };
+  /// The same as the device has them.
+  Texels read_texels(std::string_view resource, std::uint32_t layer, std::uint32_t mip,
+                     std::optional<std::span<std::byte>> bytes);
   [[nodiscard]] const FrameStats& stats() const;
   /// format: text, json or dot. Before the first frame: planned as far as it can be without a scene.
   std::string explain(std::string_view format);

@@ -680,28 +680,35 @@ Executor::ReadBack Executor::read(std::string_view name, std::uint32_t layer, st
   return result;
 }
 
-Executor::ReadBack Executor::read_into(std::string_view name, std::uint32_t layer, std::uint32_t mip,
-                                       std::optional<std::span<float>> pixels) {
-  State& s = *state_;
-  const ResourceIndex resource = name.empty() ? s.graph.output : find_resource(s.graph, name);
-  s.wait_for_frames();
-  if (!s.is_planned || !s.has_frame) {
+/// An image of the last frame, once it is there.
+const ResourceState& Executor::State::readable(std::string_view name, std::uint32_t layer, std::uint32_t mip) {
+  const ResourceIndex resource = name.empty() ? graph.output : find_resource(graph, name);
+  wait_for_frames();
+  if (!is_planned || !has_frame) {
     throw Error(HEDDLE_BAD_INPUT,
-                s.stats.frame == 0 ? "nothing was rendered yet" : "nothing was rendered since the graph changed",
+                stats.frame == 0 ? "nothing was rendered yet" : "nothing was rendered since the graph changed",
                 "render a frame before reading a port");
   }
-  if (std::find(s.wanted.begin(), s.wanted.end(), resource) == s.wanted.end()) {
+  if (std::find(wanted.begin(), wanted.end(), resource) == wanted.end()) {
     throw Error(HEDDLE_BAD_INPUT,
                 fmt::format("port '{}' was not kept: its memory may hold something else by now", name),
                 "keep it (heddle_graph_keep, Graph.keep in Python) before the frame");
   }
-  const ResourceState& state = s.resources[s.resources[resource].root];
+  const ResourceState& state = resources[resources[resource].root];
   if (!state.image) throw Error(HEDDLE_BAD_INPUT, fmt::format("port '{}' is not an image that a pass made", name));
   const vulkan::ImageShape& shape = state.image.shape();
   if (layer >= shape.layers || mip >= shape.mips) {
     throw Error(HEDDLE_BAD_INPUT, fmt::format("port '{}' has {} layers and {} mips; layer {}, mip {} were asked for",
                                               name, shape.layers, shape.mips, layer, mip));
   }
+  return state;
+}
+
+Executor::ReadBack Executor::read_into(std::string_view name, std::uint32_t layer, std::uint32_t mip,
+                                       std::optional<std::span<float>> pixels) {
+  State& s = *state_;
+  const ResourceState& state = s.readable(name, layer, mip);
+  const vulkan::ImageShape& shape = state.image.shape();
   ReadBack result;
   result.width = std::max(shape.width >> mip, 1U);
   result.height = std::max(shape.height >> mip, 1U);
@@ -709,6 +716,7 @@ Executor::ReadBack Executor::read_into(std::string_view name, std::uint32_t laye
   if (!pixels) return result;
   const std::size_t count = std::size_t{result.width} * result.height * result.channels;
   if (pixels->size() < count) {
+    const ResourceIndex resource = name.empty() ? s.graph.output : find_resource(s.graph, name);
     throw Error(HEDDLE_BAD_INPUT, fmt::format("port '{}' has {} x {} x {} = {} numbers; there is room for {}",
                                               s.graph.resources[resource].name, result.width, result.height,
                                               result.channels, count, pixels->size()));
@@ -716,6 +724,29 @@ Executor::ReadBack Executor::read_into(std::string_view name, std::uint32_t laye
   s.device->read_back(state.image, layer, mip, state.layout, [&](std::span<const std::byte> texels) {
     vulkan::to_float(texels, shape.format, pixels->first(count));
   });
+  return result;
+}
+
+Executor::Texels Executor::read_texels(std::string_view name, std::uint32_t layer, std::uint32_t mip,
+                                       std::optional<std::span<std::byte>> bytes) {
+  State& s = *state_;
+  const ResourceState& state = s.readable(name, layer, mip);
+  const vulkan::ImageShape& shape = state.image.shape();
+  Texels result;
+  result.width = std::max(shape.width >> mip, 1U);
+  result.height = std::max(shape.height >> mip, 1U);
+  result.texel_bytes = vulkan::format_info(shape.format).texel_bytes;
+  result.size = vulkan::image_bytes(shape.format, result.width, result.height);
+  result.format = shape.format;
+  if (!bytes) return result;
+  if (bytes->size() < result.size) {
+    const ResourceIndex resource = name.empty() ? s.graph.output : find_resource(s.graph, name);
+    throw Error(HEDDLE_BAD_INPUT,
+                fmt::format("port '{}' has {} x {} texels in {} bytes; there is room for {}",
+                            s.graph.resources[resource].name, result.width, result.height, result.size, bytes->size()));
+  }
+  s.device->read_back(state.image, layer, mip, state.layout,
+                      [&](std::span<const std::byte> texels) { std::ranges::copy(texels, bytes->begin()); });
   return result;
 }
 

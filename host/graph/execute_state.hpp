@@ -399,6 +399,7 @@ struct Executor::State : FrameMemory {
   void keep_outputs(const ScheduledStage& stage);
   void clear_history(ResourceIndex history);
   void run_read_back(const ScheduledStage& stage);
+  [[nodiscard]] const ResourceState& readable(std::string_view name, std::uint32_t layer, std::uint32_t mip);
   heddle_frame::Mapping late_mapping(const ScheduledStage& stage, const std::string& port);
   void copy_to_host(ResourceIndex resource, const vulkan::Buffer& buffer);
   [[nodiscard]] std::uint64_t host_bytes(ResourceIndex resource) const;

@@ -67,6 +67,13 @@ class Image(Structure):
     ]
 
 
+class Texels(Structure):
+    _fields_ = [
+        ("struct_size", c_uint32), ("width", c_uint32), ("height", c_uint32), ("format", c_uint32),
+        ("texel_bytes", c_uint32), ("reserved", c_uint32), ("size", c_uint64), ("bytes", c_void_p),
+    ]
+
+
 class Texture(Structure):
     _fields_ = [
         ("struct_size", c_uint32), ("width", c_uint32), ("height", c_uint32), ("is_srgb", c_uint32),
@@ -187,6 +194,8 @@ PROTOTYPES = {
     "heddle_read": (c_int32, [c_void_p, c_char_p, c_uint32, c_uint32, POINTER(Image)]),
     "heddle_read_into": (
         c_int32, [c_void_p, c_char_p, c_uint32, c_uint32, POINTER(c_float), c_uint64, POINTER(Image)]),
+    "heddle_read_texels": (
+        c_int32, [c_void_p, c_char_p, c_uint32, c_uint32, c_void_p, c_uint64, POINTER(Texels)]),
     "heddle_inspect": (
         c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), POINTER(c_uint32), c_uint32, c_char_p, _TEXT]),
     "heddle_graph_check": (c_int32, [c_void_p, c_void_p, POINTER(RenderOptions), c_uint32, _TEXT]),

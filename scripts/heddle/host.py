@@ -614,9 +614,7 @@ class _Woven(_Object):
         out:    an array of that shape to write into, C-contiguous: frames after frames without new memory
         raises: Error for a port that was not kept, or an `out` of another shape, type or layout
         """
-        for what, number in (("layer", layer), ("mip", mip)):
-            if int(number) != number or not 0 <= number < 2**32:
-                raise Error(2, f"error: there is no {what} {number}\n  expected: an integer of at least 0")
+        _check_part(layer, mip)
         image = c.Image(ctypes.sizeof(c.Image))
         self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, None, 0, ctypes.byref(image)))
         shape = (image.height, image.width, image.channels)
@@ -630,6 +628,19 @@ class _Woven(_Object):
         self._check(_heddle.heddle_read_into(self._handle, _encode(port), layer, mip, _pointer(array, ctypes.c_float),
                                              array.size, ctypes.byref(image)))
         return array
+
+    def read_texels(self, port: str | None = None, layer: int = 0, mip: int = 0) -> tuple[NDArray[np.uint8], int]:
+        """The same as the device has it: uint8 (height, width, bytes of a texel), or (bytes,) of a compressed format; and the
+        VkFormat's number. `display.color` is 37, VK_FORMAT_R8G8B8A8_UNORM: its bytes are what image files and screens take,
+        and nothing is converted on the way."""
+        _check_part(layer, mip)
+        texels = c.Texels(ctypes.sizeof(c.Texels))
+        self._check(_heddle.heddle_read_texels(self._handle, _encode(port), layer, mip, None, 0, ctypes.byref(texels)))
+        array = np.empty(texels.size, np.uint8)
+        self._check(_heddle.heddle_read_texels(self._handle, _encode(port), layer, mip, array.ctypes.data, array.size,
+                                               ctypes.byref(texels)))
+        shape = (texels.height, texels.width, texels.texel_bytes) if texels.texel_bytes else (texels.size,)
+        return array.reshape(shape), texels.format
 
     def check(self, scene: Scene, frames: int = 3, time: float = 0.0, time_step: float = 0.0, seed: int = 0) -> dict:
         """Proves that the graph does what it declares, on a host made with check=True.
@@ -821,6 +832,12 @@ def _light(type: str, intensity: Sequence[float], position: Sequence[float], dir
     record.cos_inner = np.cos(inner_angle)
     record.cos_outer = np.cos(outer_angle)
     return c.SceneLight(ctypes.sizeof(c.SceneLight), 0, (ctypes.c_double * 3)(*position), record)
+
+
+def _check_part(layer: int, mip: int) -> None:
+    for what, number in (("layer", layer), ("mip", mip)):
+        if int(number) != number or not 0 <= number < 2**32:
+            raise Error(2, f"error: there is no {what} {number}\n  expected: an integer of at least 0")
 
 
 def _log_to_stderr(severity: int, text: str) -> None:

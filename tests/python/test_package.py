@@ -116,6 +116,47 @@ def test_read_writes_into_memory_of_the_callers(host):
     assert first.tobytes() == kept.tobytes()
 
 
+def test_texels_are_what_the_device_has(host):
+    with host.graph("deferred", SMALL) as graph, host.scene() as scene:
+        build(scene)
+        graph.keep("gbuffer.depth")
+        graph.render(scene)
+        texels, vk_format = graph.read_texels()
+        assert (texels.shape, texels.dtype, vk_format) == ((36, 64, 4), np.uint8, 37)
+        assert np.array_equal(texels, np.rint(graph.read() * 255))
+        # Of float32 nothing changes, and of any port.
+        texels, vk_format = graph.read_texels("gbuffer.depth")
+        assert (texels.shape, vk_format) == ((36, 64, 4), 100)  # VK_FORMAT_R32_SFLOAT
+        assert texels.tobytes() == graph.read("gbuffer.depth").tobytes()
+        for arguments, expected in ((("ao.visibility",), "port 'ao.visibility' was not kept"), ((None, 1), "has 1 layers and 1 mips")):
+            with pytest.raises(heddle.Error, match=expected):
+                graph.read_texels(*arguments)
+
+
+def test_fewer_samples_than_are_taken_are_told_once():
+    told = []
+    with heddle.Host(log=lambda severity, text: told.append((severity, text))) as host, host.scene() as scene:
+        build(scene)
+        with host.graph("path_traced", ["extent=[64,36]", "path_tracer.params.samples=8"]) as graph:
+            graph.render(scene)
+            first = graph.read().tobytes()
+            assert told == []
+            graph.set("path_tracer.params.samples", 2)
+            for _ in range(2):
+                graph.render(scene)
+                assert graph.read().tobytes() == first
+            assert len(told) == 1 and told[0][0] == 1
+            assert "`samples` asks for 2 paths a pixel and 8 are taken: all of them stay in the picture" in told[0][1]
+            graph.set("path_tracer.params.samples", 8)
+            graph.render(scene)
+            assert graph.read().tobytes() == first and len(told) == 1
+            # Another number of samples in a picture that begins anew is no such question.
+            graph.set("path_tracer.params.samples", 2)
+            graph.set("path_tracer.params.bounces", 1)
+            graph.render(scene)
+            assert len(told) == 1
+
+
 def test_progress_tells_activities_and_rising_fractions():
     told = []
     with heddle.Host(progress=lambda activity, fraction: told.append((activity, fraction))) as host:
