@@ -235,6 +235,7 @@ class PathTracer {
         return status;
       }
     }
+    tell_of_more(frame.host());
     const std::uint32_t before = film_.samples();
     status = trace(frame, view);
     const bool is_new = film_.samples() != before || status != HEDDLE_OK;
@@ -263,6 +264,19 @@ class PathTracer {
                 "shaders have; give both the same value");
     }
     is_told_of_material_ = is_other;
+  }
+
+  /// Fewer samples asked for than there are: said once for each number.
+  void tell_of_more(const PassHost& host) {
+    const std::int64_t wanted = host.integer("samples");
+    const bool is_less = wanted < static_cast<std::int64_t>(film_.samples());
+    if (is_less && wanted != told_samples_) {
+      host.warn("`samples` asks for " + std::to_string(wanted) + " paths a pixel and " +
+                std::to_string(film_.samples()) +
+                " are taken: all of them stay in the picture, for sums cannot be divided again; it begins anew with "
+                "another view, scene, seed or setting");
+    }
+    told_samples_ = is_less ? wanted : -1;
   }
 
   heddle_status read_scene(const Frame& frame, const heddle_mapped& sky) {
@@ -585,6 +599,7 @@ class PathTracer {
         if (const std::int64_t wanted = host.integer("samples"); wanted < static_cast<std::int64_t>(taken_up))
           host.warn(shown + " holds " + std::to_string(taken_up) + " samples and `samples` asks for " +
                     std::to_string(wanted) + ": all that it holds are shown; for fewer give another checkpoint");
+        told_samples_ = host.integer("samples");
         return HEDDLE_OK;
       case Film::Found::kForeign:
         return host.fail(HEDDLE_BAD_INPUT, shown +
@@ -689,6 +704,7 @@ class PathTracer {
   std::filesystem::path checkpoint_place_, checkpoint_;
   bool is_folder_ = false;
   bool is_told_of_material_ = false;
+  std::int64_t told_samples_ = -1;  // fewer than there are, that was warned of
   bool is_drawn_ = false, is_done_ = false;
 };
 
