@@ -17,6 +17,8 @@ constexpr float kNearWipe = 8;  // pixels of the screen
 constexpr ImU32 kWipeColor = IM_COL32(255, 255, 255, 255);
 constexpr ImU32 kErrorBack = IM_COL32(90, 16, 16, 235);
 constexpr ImU32 kErrorText = IM_COL32(255, 225, 215, 255);
+constexpr ImU32 kWarningBack = IM_COL32(82, 62, 10, 235);
+constexpr ImU32 kWarningText = IM_COL32(255, 240, 205, 255);
 constexpr double kOrthographicTurn = 0.005;  // radians a pixel: no angle of view says more
 
 ImTextureID texture_id(unsigned id) {
@@ -35,7 +37,7 @@ void Window::canvas(ImVec2 low, ImVec2 high) {
   ImGui::PopStyleVar();
   draw_pictures(low, high);
   mouse_in_picture(low, high);
-  errors(low, high);
+  notices(low, high);
   ImGui::End();
 }
 
@@ -44,7 +46,9 @@ void Window::draw_pictures(ImVec2 low, ImVec2 high) {
   const auto& b = report_.variants[1].picture;
   ImDrawList* list = ImGui::GetWindowDrawList();
   if (!a) {
-    const std::string text = report_.activity.empty() ? "rendering the first frame ..." : report_.activity;
+    const std::string text = !report_.activity.empty() ? report_.activity
+                             : report_.is_settled      ? "there is no picture"
+                                                       : "rendering the first frame ...";
     list->AddText({low.x + 20, low.y + 20}, IM_COL32(200, 200, 200, 255), text.c_str());
     return;
   }
@@ -210,19 +214,31 @@ void Window::fly_by_keys() {
   send_camera();
 }
 
-void Window::errors(ImVec2 low, ImVec2 high) {
-  std::string text;
-  for (Variant v = 0; v < kVariants; ++v)
-    for (const std::string* message : {&report_.variants[v].error, &report_.variants[v].refused})
-      if (!message->empty()) text += fmt::format("{}{}: {}", text.empty() ? "" : "\n", kVariantNames[v], *message);
-  if (text.empty()) return;
-  text += "\nThe picture is the last good one.";
+/// What went wrong, and above it what was warned of, at the picture's lower end.
+void Window::notices(ImVec2 low, ImVec2 high) {
+  std::string wrong;
+  bool has_picture = true;
+  for (Variant v = 0; v < kVariants; ++v) {
+    for (const std::string* message : {&report_.variants[v].error, &report_.variants[v].refused}) {
+      if (message->empty()) continue;
+      wrong += fmt::format("{}{}: {}", wrong.empty() ? "" : "\n", kVariantNames[v], *message);
+      has_picture = has_picture && report_.variants[v].picture != nullptr;
+    }
+  }
+  if (!wrong.empty() && has_picture) wrong += "\nThe picture is the last good one.";
   ImDrawList* list = ImGui::GetWindowDrawList();
   const float width = high.x - low.x - 40;
-  const ImVec2 size = ImGui::CalcTextSize(text.c_str(), nullptr, false, width);
-  const ImVec2 at{low.x + 20, high.y - 20 - size.y};
-  list->AddRectFilled({at.x - 8, at.y - 6}, {at.x + std::max(size.x, 100.0F) + 8, at.y + size.y + 6}, kErrorBack, 4);
-  list->AddText(nullptr, 0, at, kErrorText, text.c_str(), nullptr, width);
+  float bottom = high.y - 20;
+  const auto box = [&](const std::string& text, ImU32 back, ImU32 ink) {
+    if (text.empty()) return;
+    const ImVec2 size = ImGui::CalcTextSize(text.c_str(), nullptr, false, width);
+    const ImVec2 at{low.x + 20, bottom - size.y};
+    list->AddRectFilled({at.x - 8, at.y - 6}, {at.x + std::max(size.x, 100.0F) + 8, at.y + size.y + 6}, back, 4);
+    list->AddText(nullptr, 0, at, ink, text.c_str(), nullptr, width);
+    bottom = at.y - 18;
+  };
+  box(wrong, kErrorBack, kErrorText);
+  box(report_.warnings, kWarningBack, kWarningText);
 }
 
 void Window::status_bar(ImVec2 low, ImVec2 high) {

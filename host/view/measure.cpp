@@ -122,7 +122,8 @@ void Session::time_stages(Variant variant) {
   is_measuring_stopped_.store(false);
   VariantReport& report = draft_.variants.at(variant);
   (void)guarded(variant, &VariantReport::refused, [&] {
-    const Side& side = sides_.at(variant);
+    Side& side = sides_.at(variant);
+    side.is_unread = true;
     Times times;
     std::vector<double> frames, looked_at;
     std::vector<std::vector<double>> wall, cpu;

@@ -229,7 +229,7 @@ void Window::pass_block(const Json& pass) {
     const Json* known = technique_of(*report_.list, pass);
     if (known != nullptr && !is_left_out && !known->at("parameters").empty() &&
         ImGui::BeginTable("parameters", 3, ImGuiTableFlags_SizingFixedFit)) {
-      ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed, 125);
+      ImGui::TableSetupColumn("name", ImGuiTableColumnFlags_WidthFixed, 136);
       ImGui::TableSetupColumn("value", ImGuiTableColumnFlags_WidthFixed, 200);
       ImGui::TableSetupColumn("cost", ImGuiTableColumnFlags_WidthStretch);
       for (const Json& parameter : known->at("parameters")) parameter_row(pass, parameter);
@@ -415,7 +415,8 @@ void Window::times_tab() {
     const VariantReport& variant = report_.variants[v];
     if (!variant.is_there) continue;
     ImGui::PushID(kVariantNames[v]);
-    ImGui::Text("%s: last frame %.2f ms", kVariantNames[v], variant.submit_ms);
+    ImGui::Text("%s: last frame %.2f ms, taking its picture %.2f ms", kVariantNames[v], variant.submit_ms,
+                variant.read_ms);
     ImGui::SameLine();
     if (ImGui::SmallButton("time the stages"))
       last_order_ = session_.order(fmt::format("stages {}", v), [v](Session& session) { session.time_stages(v); });
@@ -444,8 +445,8 @@ void Window::times_tab() {
                   : std::string("what looking costs is less than what these frames differ by");
       ImGui::TextWrapped(
           "Frame: %s ms [%s, %s]. Looked at stage by stage, each submitted and waited for alone: %s ms [%s, %s]; %s, "
-          "and the "
-          "sum of the stages is no frame's time. Medians of frames that took turns, with what holds them at %.0f %%.",
+          "and the sum of the stages is no frame's time. Medians of frames that took turns, with what holds them at "
+          "%.0f %%.",
           ms_text(times.frame_ms.value).c_str(), ms_text(times.frame_ms.low).c_str(),
           ms_text(times.frame_ms.high).c_str(), ms_text(times.looked_at_ms.value).c_str(),
           ms_text(times.looked_at_ms.low).c_str(), ms_text(times.looked_at_ms.high).c_str(), cost.c_str(),
@@ -454,10 +455,14 @@ void Window::times_tab() {
     ImGui::Separator();
     ImGui::PopID();
   }
-  ImGui::TextColored(kFaint, "%s", report_.device.c_str());
-  ImGui::TextColored(kFaint, "%llu frames, %llu submissions, %llu drawings of the window",
-                     static_cast<unsigned long long>(report_.frames), static_cast<unsigned long long>(report_.submits),
-                     static_cast<unsigned long long>(draws_));
+  ImGui::PushStyleColor(ImGuiCol_Text, kFaint);
+  ImGui::TextWrapped("%s",
+                     fmt::format("{} frames, {} submissions, {:.1f} MB of pictures read in {:.0f} ms, {} drawings "
+                                 "of the window\nframes: {}\nwindow: {}",
+                                 report_.frames, report_.submits, 1e-6 * static_cast<double>(report_.read_bytes),
+                                 report_.read_ms, draws_, report_.device, drawn_by_)
+                         .c_str());
+  ImGui::PopStyleColor();
 }
 
 // ---- explain, pixel ----

@@ -84,6 +84,7 @@ void Window::fail_script(const std::string& message, const std::string& found, c
 void Window::play_script() {
   if (!scripted()) return;
   Player& p = *player_;
+  const int frames_due = frames_to_draw_;
   const auto go = [&](int phase) {
     p.phase_ = phase;
     p.frames_ = 0;
@@ -113,7 +114,7 @@ void Window::play_script() {
         // Orders of this very frame are given while it is drawn.
         if (p.phase_ == 0) {
           if (++p.frames_ > 2) go(1);
-        } else if (report_.orders_done >= last_order_ && report_.is_settled && report_.frames > 0) {
+        } else if (report_.orders_done >= last_order_ && report_.is_settled) {
           if (++p.frames_ > 2) done();
         } else {
           frames_to_draw_ = 0;  // the session wakes the window
@@ -124,7 +125,7 @@ void Window::play_script() {
           p.until_ = glfwGetTime() + line.numbers[0];
           go(1);
         }
-        frames_to_draw_ = 0;
+        frames_to_draw_ = frames_due;  // as without a script
         if (glfwGetTime() >= p.until_) done();
         break;
       case Kind::kClick:
@@ -209,6 +210,14 @@ void Window::play_script() {
           shot_file_ = line.name;
           go(1);
         } else if (report_.orders_done >= last_order_) {
+          if (const std::string& refused = report_.variants[0].refused; !refused.empty()) {
+            throw Error(HEDDLE_FAILED, Diagnostic{Severity::kError,
+                                                  {p.file(), static_cast<std::uint32_t>(line.line), 1},
+                                                  "the screenshot was not written",
+                                                  refused,
+                                                  "a file '" + line.name + "'",
+                                                  ""});
+          }
           done();
         } else {
           frames_to_draw_ = 0;
@@ -244,7 +253,12 @@ void Window::put_script_input() {
 void Window::tell_state() {
   Json json{{"frames", report_.frames},
             {"submits", report_.submits},
+            {"warnings", report_.warnings},
             {"draws", draws_},
+            {"read_bytes", report_.read_bytes},
+            {"read_ms", report_.read_ms},
+            {"device", report_.device},
+            {"drawn_by", drawn_by_},
             {"settled", report_.is_settled},
             {"time", report_.time},
             {"mode", static_cast<int>(mode_)},

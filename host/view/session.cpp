@@ -25,6 +25,8 @@ constexpr std::chrono::milliseconds kPatience{250};
 // noise that is drawn anew in each frame never is, and then rests.
 constexpr int kSettlingFrames = 64;
 constexpr std::size_t kMostMessages = 200;
+constexpr std::uint32_t kWarning = 1;  // severity, as heddle_host_options.log has it
+constexpr std::uint32_t kRgba8 = 37;   // VK_FORMAT_R8G8B8A8_UNORM
 
 void add_paths(std::set<fs::path>& files, const char* json) {
   for (const Json& file : parse_json(json)) files.emplace(file.get<std::string>());
@@ -72,13 +74,15 @@ bool Session::report(Report& out, std::uint64_t& serial) const {
   out = published_;
   out.activity = activity_;
   out.messages.assign(messages_.begin(), messages_.end());
+  out.warnings = warnings_;
   serial = serial_;
   return true;
 }
 
-void Session::tell(std::uint32_t, const char* text) {
+void Session::tell(std::uint32_t severity, const char* text) {
   const std::lock_guard lock(mutex_);
   messages_.emplace_back(text);
+  if (severity == kWarning) warnings_ += (warnings_.empty() ? "" : "\n") + messages_.back();
   if (messages_.size() > kMostMessages) messages_.pop_front();
   ++serial_;
 }
@@ -123,6 +127,8 @@ void Session::run() {
       if (orders_.empty() && !has_work())
         condition_.wait_for(lock, kPause, [this] { return !orders_.empty() || is_closing_.load(); });
       orders.swap(orders_);
+      // What was warned of holds until somebody does something.
+      if (!orders.empty()) warnings_.clear();
       told_ = Clock::now();
     }
     if (is_closing_.load()) break;
@@ -331,28 +337,55 @@ void Session::render(Variant variant, std::uint32_t flags, double time_step) {
   for (const Json& loop : stats.at("loops"))
     report.loops.push_back({loop.at("pass").get<std::string>(), loop.at("done").get<std::uint32_t>(),
                             loop.at("total").get<std::uint32_t>()});
-  draft_.submits += stats.at("counters").at("submits").get<std::uint64_t>();
+  const auto submits = stats.at("counters").at("submits").get<std::uint64_t>();
+  draft_.submits += submits;
+  side.is_unread = side.is_unread || submits > 0;
   if (draft_.device.empty() && stats.contains("device")) draft_.device = stats["device"]["name"].get<std::string>();
   ++draft_.frames;
 }
 
-void Session::read(Variant variant) {
-  Side& side = sides_.at(variant);
+/// The graph's output. 8 bits of four channels are what the window shows; nothing of them is converted.
+std::shared_ptr<Picture> Session::read_picture(Side& side) {
+  auto made = std::make_shared<Picture>();
+  heddle_texels texels{};
+  texels.struct_size = sizeof texels;
+  check(heddle_read_texels(side.graph, nullptr, 0, 0, nullptr, 0, &texels));
+  if (texels.format == kRgba8) {
+    made->width = texels.width;
+    made->height = texels.height;
+    side.texels.resize(texels.size);
+    check(heddle_read_texels(side.graph, nullptr, 0, 0, side.texels.data(), side.texels.size(), &texels));
+    draft_.read_bytes += texels.size;
+    for (std::size_t at = 3; at < side.texels.size(); at += 4) side.texels[at] = 255;
+    made->rgba = side.texels;
+    return made;
+  }
   heddle_image shape{};
   shape.struct_size = sizeof shape;
   check(heddle_read_into(side.graph, nullptr, 0, 0, nullptr, 0, &shape));
-  side.values.resize(std::size_t{shape.width} * shape.height * shape.channels);
-  check(heddle_read_into(side.graph, nullptr, 0, 0, side.values.data(), side.values.size(), &shape));
-  auto made = std::make_shared<Picture>();
   made->width = shape.width;
   made->height = shape.height;
+  side.values.resize(std::size_t{shape.width} * shape.height * shape.channels);
+  check(heddle_read_into(side.graph, nullptr, 0, 0, side.values.data(), side.values.size(), &shape));
+  draft_.read_bytes += texels.size;
   made->rgba = bytes_of(side.values, shape.channels);
-  std::shared_ptr<const Picture>& shown = draft_.variants.at(variant).picture;
+  return made;
+}
+
+void Session::read(Variant variant) {
+  VariantReport& report = draft_.variants.at(variant);
+  std::shared_ptr<const Picture>& shown = report.picture;
+  const auto start = Clock::now();
+  std::shared_ptr<Picture> made = read_picture(sides_.at(variant));
+  sides_.at(variant).is_unread = false;
   const bool is_same =
       shown && shown->width == made->width && shown->height == made->height && shown->rgba == made->rgba;
-  if (is_same) return;
-  made->serial = ++picture_serial_;
-  shown = std::move(made);
+  if (!is_same) {
+    made->serial = ++picture_serial_;
+    shown = std::move(made);
+  }
+  report.read_ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  draft_.read_ms += report.read_ms;
 }
 
 void Session::frame() {
@@ -373,7 +406,8 @@ void Session::frame() {
     side.is_failed = !guarded(v, &VariantReport::error, [&] {
       // What moved has arrived when nothing plays: such frames go on where loops can.
       render(v, 0, moves ? time_step_ : 0.0);
-      read(v);
+      // A frame that had nothing to do left the picture as it is.
+      if (side.is_unread || !draft_.variants[v].picture) read(v);
     });
     if (side.is_failed) continue;
     const VariantReport& report = draft_.variants[v];
@@ -503,9 +537,10 @@ void Session::explain(Variant variant, const std::string& pass) {
 void Session::inspect(std::uint32_t x, std::uint32_t y) {
   for (Variant v = 0; v < kVariants; ++v) {
     if (!exists(v)) continue;
-    const Side& side = sides_[v];
+    Side& side = sides_[v];
     (void)guarded(v, &VariantReport::refused, [&] {
       const heddle_render_options chosen = options(HEDDLE_RENDER_ANEW, 0);
+      side.is_unread = true;
       const std::array<std::uint32_t, 2> pixel{x, y};
       const char* text = nullptr;
       check(heddle_inspect(side.graph, side.scene, &chosen, pixel.data(), 1, "text", &text));

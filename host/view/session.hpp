@@ -75,9 +75,11 @@ class Session {
     heddle_scene* scene = nullptr;
     std::string file;
     std::vector<std::string> settings;
-    std::vector<float> values;  // of the last read
-    bool has_past = false;      // frames depend on those before them
-    bool is_failed = false;     // nothing is rendered until something changes
+    std::vector<std::uint8_t> texels;  // of the last read, where they are bytes already
+    std::vector<float> values;         // and where not
+    bool has_past = false;             // frames depend on those before them
+    bool is_unread = false;            // the device made something since its picture was read
+    bool is_failed = false;            // nothing is rendered until something changes
     std::uint32_t own_camera = HEDDLE_NONE;
   };
 
@@ -93,6 +95,7 @@ class Session {
   void frame();
   void render(Variant variant, std::uint32_t flags, double time_step);
   void read(Variant variant);
+  [[nodiscard]] std::shared_ptr<Picture> read_picture(Side& side);
   /// Of a frame at the present time.
   [[nodiscard]] heddle_render_options options(std::uint32_t flags, double time_step) const;
   void look_at_files();
@@ -141,6 +144,7 @@ class Session {
   std::string activity_;
   std::chrono::steady_clock::time_point told_;
   std::deque<std::string> messages_;
+  std::string warnings_;  // since something was ordered
   bool is_open_ = false;
   std::exception_ptr open_error_;
 };

@@ -65,6 +65,7 @@ struct VariantReport {
   std::string refused;  // of the last order that could not be done; everything is then as before it
   std::shared_ptr<const Picture> picture;
   double submit_ms = 0;  // of the last frame
+  double read_ms = 0;    // until its picture was here, and compared with the one before
   std::vector<Loop> loops;
   std::string situation;               // as of Costs, knobs included
   std::map<std::string, Costs> costs;  // by the knob's key
@@ -83,12 +84,15 @@ struct Report {
   std::string device;
   double time = 0;
   bool is_playing = false;
-  std::uint64_t frames = 0;   // rendered, of A and B
-  std::uint64_t submits = 0;  // of those frames
+  std::uint64_t frames = 0;      // rendered, of A and B
+  std::uint64_t submits = 0;     // of those frames
+  std::uint64_t read_bytes = 0;  // of pictures, from the device
+  double read_ms = 0;
   std::uint64_t orders_done = 0;
   std::string activity;               // what takes long now; empty: nothing
   bool is_settled = false;            // nothing is left to render
   std::vector<std::string> messages;  // the last lines that the host told
+  std::string warnings;               // those since the last order
 };
 
 }  // namespace heddle::view

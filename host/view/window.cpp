@@ -96,6 +96,11 @@ void Window::open_window() {
                            "the Debian package libgl1-mesa-dri draws on the CPU where nothing else can"});
   }
   glfwMakeContextCurrent(window_);
+  const auto told = [](GLenum name) {
+    const auto* text = reinterpret_cast<const char*>(glGetString(name));
+    return std::string(text != nullptr ? text : "?");
+  };
+  drawn_by_ = fmt::format("{}, OpenGL {}", told(GL_RENDERER), told(GL_VERSION));
   glfwSwapInterval(1);
   glfwSetWindowUserPointer(window_, &frames_to_draw_);
   // Before Dear ImGui's, which call these.

@@ -79,7 +79,7 @@ class Window {
   void draw_pictures(ImVec2 low, ImVec2 high);
   void mouse_in_picture(ImVec2 canvas_low, ImVec2 canvas_high);
   void fly_by_keys();
-  void errors(ImVec2 low, ImVec2 high);
+  void notices(ImVec2 low, ImVec2 high);
   void status_bar(ImVec2 low, ImVec2 high);
   void send_camera();
   void take_camera();
@@ -116,6 +116,7 @@ class Window {
 
   const heddle_view_application& application_;
   GLFWwindow* window_ = nullptr;
+  std::string drawn_by_;  // OpenGL's renderer and version
   Session session_;
   Report report_;
   std::uint64_t serial_ = 0;

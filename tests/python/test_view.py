@@ -224,7 +224,9 @@ def test_nothing_is_rendered_or_drawn_while_nothing_changes(command, root, scree
         rest, later, flown = view.state(0), view.state(1), view.state(2)
         assert view.wait() == (0, "")
     assert rest["settled"] and rest["frames"] > 0
-    for counter in ("frames", "submits", "draws"):
+    # 8 bits of four channels, as the device has them, and each frame's once.
+    assert rest["read_bytes"] == 4 * SIZE[0] * SIZE[1] * rest["frames"]
+    for counter in ("frames", "submits", "draws", "read_bytes"):
         assert later[counter] == rest[counter]
         assert flown[counter] > later[counter]
     assert flown["camera"]["position"] != rest["camera"]["position"]
@@ -235,6 +237,40 @@ def test_progressive_loops_go_on_while_nothing_moves(command, root, screen, tmp_
     with viewer(command, root, screen, words, script(tmp_path, "wait\nstate\nquit\n")) as view:
         assert view.state(0)["frames"] >= 5
         assert view.wait() == (0, "")
+
+
+def test_fewer_samples_than_are_taken_are_answered(command, root, screen, tmp_path):
+    """All of them stay, byte for byte, and the window says so, until something else is done."""
+    words = ["path_traced", SCENE, "--set", "extent=[48,36]", "--set", "path_tracer.params.samples=8", *WINDOW]
+    shots = [tmp_path / f"{i}.png" for i in range(3)]
+    commands = script(tmp_path, "wait\nclick pass/path_tracer\n"
+                      f"screenshot {shots[0]}\ntype path_tracer.params.samples/field 2\nwait\nstate\nscreenshot {shots[1]}\n"
+                      f"type path_tracer.params.samples/field 9\nwait\nstate\nscreenshot {shots[2]}\nquit\n")
+    with viewer(command, root, screen, words, commands) as view:
+        fewer, more = view.state(0), view.state(1)
+        status, said = view.wait()
+    assert status == 0 and said.count("`samples` asks for 2") == 1
+    assert "`samples` asks for 2 paths a pixel and 8 are taken: all of them stay in the picture" in fewer["warnings"]
+    assert more["warnings"] == ""
+    import heddle
+
+    with heddle.Host() as host:
+        left, top, right, bottom = (int(number) for number in fewer["picture"])
+        first, second, third = (host.read_image(str(shot))[top:bottom, left:right] for shot in shots)
+    assert np.array_equal(first, second)
+    assert not np.array_equal(first, third)
+
+
+def test_a_first_frame_that_fails_is_said_and_waited_for(command, root, screen, tmp_path):
+    foreign = tmp_path / "foreign"
+    foreign.write_text("no checkpoint")
+    words = ["path_traced", SCENE, "--set", "extent=[48,36]", "--set", f"path_tracer.params.checkpoint={json.dumps(str(foreign))}",
+             *WINDOW]
+    with viewer(command, root, screen, words, script(tmp_path, "wait\nstate\nquit\n")) as view:
+        state = view.state(0)
+        assert view.wait() == (0, "")
+    assert state["settled"] and state["read_bytes"] == 0
+    assert "is no checkpoint of this technique" in state["variants"][0]["error"]
 
 
 def test_measured_costs_stand_beside_the_knob(command, root, screen, tmp_path):
@@ -311,6 +347,14 @@ def test_script_that_names_no_widget_ends_with_its_line(command, root, screen, t
     assert said == (f"{commands}:2:1: error: the window shows no widget of that name\n  found:    pass/oa\n"
                     "  expected: a name that the command 'state' prints; open its tab or its pass with 'click' first\n"
                     "  help:     did you mean 'pass/ao'?\n")
+
+
+def test_screenshot_that_cannot_be_written_ends_the_script(command, root, screen, tmp_path):
+    commands = script(tmp_path, "wait\nscreenshot /proc/none/shot.png\nquit\n")
+    with viewer(command, root, screen, [SCENE, *SETTINGS, *WINDOW], commands) as view:
+        status, said = view.wait()
+    assert status == 4 and said.startswith(f"{commands}:2:1: error: the screenshot was not written\n  found:    ")
+    assert "/proc/none/shot.png" in said
 
 
 def test_without_a_display_it_says_what_to_do(command, root):
