@@ -5,7 +5,8 @@ Both must be seen, slower and worse, so a false report needs a false one of each
 Berger 1982, "Multiparameter Hypothesis Testing and Acceptance Sampling"). As every pair of a ladder is looked at, the
 statistics' FALSE_VERDICTS is shared among the pairs of the scene (Bonferroni).
 Times: Hodges and Lehmann's interval of the rounds' differences, beyond the noise floor. Errors are means over many pixels:
-Student's interval of the seeds' differences (none for images without randomness), beyond the reference's own variance.
+Student's interval of the seeds' differences (none for images without randomness), beyond the reference's own variance. The
+middle of both must be as large as the study says that matters: of images without randomness every difference is certain.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from . import metrics
 from . import statistics as s
 from .study import Point
 from .study_run import AGAIN, SEEDS, SceneRun
-from .study_rows import is_finite
+from .study_rows import error_that_matters, is_finite
 
 
 def measure(run: SceneRun) -> list[dict[str, Any]]:
@@ -34,6 +35,8 @@ def measure(run: SceneRun) -> list[dict[str, Any]]:
     again = [each[AGAIN] - each[baseline] for each in values if baseline in each and AGAIN in each]
     floor = s.floor_of(again) if again else 0.0
     pairs = pairs_of([point for point in run.alive() if point.name in run.errors and is_finite(run.errors[point.name], metric)])
+    has_first = baseline in run.errors and is_finite(run.errors[baseline], metric)
+    least = error_that_matters(run, metric) if has_first else 0.0
     found: dict[str, dict[str, Any]] = {}
     for point, other in pairs:
         both = [each for each in values if point.name in each and other.name in each]
@@ -42,7 +45,8 @@ def measure(run: SceneRun) -> list[dict[str, Any]]:
         confidence = 1.0 - s.FALSE_VERDICTS / (len(pairs) // 2)  # an interval speaks for both directions
         time = s.difference([each[point.name] - each[other.name] for each in both], confidence)
         error = error_difference(run.errors[other.name], run.errors[point.name], metric, sign, confidence)
-        if not (time.low > floor and error.low > 0.0):
+        is_slower = time.low > floor and time.value >= math.log1p(run.study.resolution)
+        if not (is_slower and error.low > 0.0 and error.value >= least):
             continue
         row = {"scene": run.scene.name, "variant": point.variant, "knobs": words(point), "by": other.name,
                "slower": [math.expm1(each) for each in (time.low, time.value, time.high)],

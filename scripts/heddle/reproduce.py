@@ -213,8 +213,9 @@ def judge(data: Json, name: str, yardstick: str | None, then: list[dict], now: l
         return s.UNDECIDED, f"time: undecided: {count} rounds are too few\n  expected: at least {s.FEWEST_ROUNDS}"
     # Both runs have a floor of their own, and a difference between them has both.
     equal = [each for each in (again(then, data["points"][0]["name"]), again(now, yardstick or name)) if each]
-    floor, noise = sum(map(s.floor_of, equal)), max(map(s.reach, equal), default=0.0)
-    found = s.decide([b - a for a, b in zip(before[:count], after[:count])], floor, math.log1p(data["study"]["resolution"]), noise)
+    differences = [b - a for a, b in zip(before[:count], after[:count])]
+    found = s.decide(differences, sum(map(s.floor_of, equal)), math.log1p(data["study"]["resolution"]))
+    noise = s.noise([differences, *equal], count)
     against = f" against {yardstick}" if yardstick else ""
     milliseconds = [math.exp(float(np.median([each[name] for each in rounds if name in each]))) for rounds in (then, now)]
 
@@ -223,5 +224,5 @@ def judge(data: Json, name: str, yardstick: str | None, then: list[dict], now: l
 
     return found.word, (
         f"time{against}: {found.word}{' than then' if found.word in (s.BETTER, s.WORSE) else ''} ({spelled(found.difference.value)}, "
-        f"{spelled(found.difference.low)} to {spelled(found.difference.high)}; smallest seen {spelled(found.smallest_seen)}); the "
+        f"{spelled(found.difference.low)} to {spelled(found.difference.high)}; smallest seen {spelled(found.smallest_seen(noise))}); the "
         f"frame took {milliseconds[0]:.4g} ms then, {milliseconds[1]:.4g} ms now")

@@ -6,8 +6,15 @@ a slow drift touches both alike, and so that which of two comes first is a coin 
 the two are equal, each round's difference is as likely negative as positive, whatever the times are: however long their
 tails, however much they depend on each other, whatever else the machine does. Wilcoxon's signed-rank test needs no more
 than that to be exact, and so a false verdict has the probability that is stated here.
+
+A verdict asks two questions, whether there is a difference and whether it matters, and a certain answer to the first is none to
+the second: of errors without randomness every difference is certain, the rounding of a last bit too. So a difference that is too
+small to matter is never "better", and "no difference seen" is said of what certainly matters not: an equivalence test, whose
+interval lies within what matters on both sides.
 Source  Wilcoxon 1945, "Individual Comparisons by Ranking Methods"; Hodges and Lehmann 1963, "Estimates of Location Based on
-        Rank Tests"; David and Nagaraja 2003, "Order Statistics", 7.1; Fisher 1935, "The Design of Experiments" (randomization)
+        Rank Tests"; David and Nagaraja 2003, "Order Statistics", 7.1; Fisher 1935, "The Design of Experiments" (randomization);
+        Schuirmann 1987, "A Comparison of the Two One-Sided Tests Procedure and the Power Approach for Assessing the Equivalence
+        of Average Bioavailability"; Efron 1979, "Bootstrap Methods: Another Look at the Jackknife"
 """
 
 from __future__ import annotations
@@ -17,6 +24,7 @@ import functools
 import math
 import random
 from collections.abc import Sequence
+from statistics import NormalDist
 from typing import TypeVar
 
 import numpy as np
@@ -106,33 +114,48 @@ def difference(differences: ArrayLike, confidence: float = 1.0 - FALSE_VERDICTS)
     return Interval(value, float(means[k]), float(means[-1 - k]), reached)
 
 
-def reach(differences: ArrayLike) -> float:
-    """How far a verdict's interval reaches from its middle: what the run's noise amounts to. Infinite with fewer than
-    FEWEST_ROUNDS.
+@dataclasses.dataclass(frozen=True)
+class Noise:
+    """How far from the truth a run of so many rounds ends by chance; in POWER of all runs no farther, on either side."""
 
-    Where disturbances are few and large, an interval may by chance leave out all of them, as the next run's will not. One
-    of 99.9 % hardly can; it is scaled down to the same confidence by Student's t, and the larger of the two counts.
+    end: float  # the interval's end on the side of no difference
+    middle: float
+    rounds: int
+
+
+DRAWN_RUNS = 1000
+# Beyond it runs are drawn of so many rounds, and the rest is a root's: intervals need the means of all pairs.
+MOST_DRAWN_ROUNDS = 40
+
+
+def noise(comparisons: Sequence[ArrayLike], rounds: int) -> Noise:
+    """What chance does to comparisons of a run, all of them taken together, since they took turns on one machine.
+
+    One comparison of few rounds says little about rare disturbances: with 7 rounds a single one that met a disturbance would
+    make all others look hopeless, and one that met none would promise too much. So the residuals of all comparisons about their
+    own middles are one pool, from which runs are drawn, each residual with a coin's sign (bootstrap). What is drawn from few is
+    too narrow: it is widened as Student's t is against the normal.
+
+    comparisons: paired differences of each, one a round
+    returns:     infinite with fewer than FEWEST_ROUNDS rounds, or without two residuals
     """
-    freedom = np.size(differences) - 1
-    usual = difference(differences)
-    found = max(usual.high - usual.value, usual.value - usual.low)
-    wide = difference(differences, 0.999)
-    if math.isfinite(wide.high):
-        scale = student(1.0 - 0.5 * FALSE_VERDICTS, freedom) / student(0.9995, freedom)
-        found = max(found, scale * (wide.high - wide.value), scale * (wide.value - wide.low))
-    return found
-
-
-def smallest_seen(reached: float, rounds: int, floor: float) -> float:
-    """The smallest true difference for which a verdict would have come out with a probability of POWER.
-
-    The interval reaches as far from its middle as FALSE_VERDICTS asks for, in units of the estimate's own deviation; the
-    true difference must lie POWER's share of deviations beyond that and beyond the floor. Student's t instead of the
-    normal, because the deviation itself is known from few rounds only.
-    """
-    if not math.isfinite(reached):
-        return math.inf
-    return floor + reached * (1.0 + student(POWER, rounds - 1) / student(1.0 - 0.5 * FALSE_VERDICTS, rounds - 1))
+    usable = [np.asarray(each, dtype=np.float64).ravel() for each in comparisons]
+    usable = [each for each in usable if len(each) > 1]
+    freedom = sum(map(len, usable)) - len(usable)
+    if rounds < FEWEST_ROUNDS or freedom < 1:
+        return Noise(math.inf, math.inf, rounds)
+    pool = np.concatenate([each - difference(each).value for each in usable])
+    drawn = min(rounds, MOST_DRAWN_ROUNDS)
+    random_ = np.random.default_rng(0)
+    runs = random_.choice(pool, (DRAWN_RUNS, drawn)) * random_.choice([-1.0, 1.0], (DRAWN_RUNS, drawn))
+    first, second = _pairs(drawn)
+    k, count = _walsh_bound(drawn, 1.0 - FALSE_VERDICTS), len(first)
+    means = np.partition(0.5 * (runs[:, first] + runs[:, second]), sorted({k, (count - 1) // 2, count // 2, count - 1 - k}), axis=1)
+    scale = student(POWER, freedom) / NormalDist().inv_cdf(POWER) * math.sqrt(drawn / rounds)
+    ends = np.concatenate([-means[:, k], means[:, -1 - k]])  # the truth is 0, and both sides are alike
+    middles = 0.5 * (means[:, (count - 1) // 2] + means[:, count // 2])
+    return Noise(scale * float(np.quantile(ends, POWER)), scale * float(np.quantile(np.concatenate([middles, -middles]), POWER)),
+                 rounds)
 
 
 @functools.lru_cache(maxsize=None)
@@ -171,28 +194,43 @@ class Verdict:
     word: str  # BETTER, WORSE, SAME or UNDECIDED
     difference: Interval  # b - a
     floor: float  # a difference up to this is none: two equal variants differ by as much
-    smallest_seen: float  # the smallest difference that this run could have seen
+    matters: float  # the smallest difference that matters
+
+    def smallest_seen(self, chance: Noise) -> float:
+        """The smallest true difference that would have come out as better or worse with a probability of POWER: the interval's
+        near end must lie beyond the floor, and its middle beyond what matters."""
+        return max(self.floor + chance.end, self.matters + chance.middle)
+
+    def rounds_needed(self, chance: Noise) -> int | None:
+        """About how many rounds would have told, if there is no difference, that there is none that matters; None: no number
+        of them would, because the floor is as high."""
+        room = self.matters - self.floor
+        if room <= 0.0 or not math.isfinite(chance.end):
+            return None
+        return max(FEWEST_ROUNDS, math.ceil(chance.rounds * (chance.end / room) ** 2))
 
 
-def decide(differences: ArrayLike, floor: float = 0.0, resolution: float = math.inf, noise: float = 0.0) -> Verdict:
+def decide(differences: ArrayLike, floor: float = 0.0, matters: float = 0.0) -> Verdict:
     """The one rule, for times and for errors, lower being better.
 
     differences: b - a, one a round: of logarithms for a ratio, or of the values themselves
     floor:       what two equal variants differ by in this run, >= 0: an A/A difference for times, what the reference's own
                  variance is worth for errors
-    resolution:  the smallest difference that matters; a run that could not have seen it is undecided, not "the same"
-    noise:       reach() of the run's A/A comparison, where that is known: the run could see no better than it did there
-    returns:     "worse" if the whole interval lies above the floor, "better" if it lies below minus the floor
+    matters:     the smallest difference that matters, >= 0
+    returns:     "worse" if the whole interval lies above the floor and its middle is as large as matters, "better" if it is so
+                 below 0; "no difference seen" if the interval, with the floor on both sides, lies within what matters; else
+                 "undecided"
+    Where there is no difference, better and worse have a probability of FALSE_VERDICTS together; where there is one that
+    matters, "no difference seen" has half of that.
     """
     found = difference(differences)
-    seen = smallest_seen(max(reach(differences), noise), np.size(differences), floor)
-    if found.low > floor:
+    if found.low > floor and found.value >= matters:
         word = WORSE
-    elif found.high < -floor:
+    elif found.high < -floor and found.value <= -matters:
         word = BETTER
     else:
-        word = SAME if seen <= resolution else UNDECIDED
-    return Verdict(word, found, floor, seen)
+        word = SAME if max(found.high, -found.low) + floor <= matters else UNDECIDED
+    return Verdict(word, found, floor, matters)
 
 
 # ---- Turns ----
@@ -222,8 +260,10 @@ def round_values(order: Sequence[Name], times: Sequence[float]) -> dict[Name, fl
 
 
 def floor_of(differences: ArrayLike) -> float:
-    """The noise floor that an A/A comparison of a run shows: by what two equal variants came to differ."""
-    return abs(difference(differences).value)
+    """The noise floor that an A/A comparison of a run shows: by what two equal variants came to differ, where it is certain
+    that they did, as two processes may; where it is not, there is nothing but the noise that each interval has in it."""
+    found = difference(differences)
+    return abs(found.value) if found.low > 0.0 or found.high < 0.0 else 0.0
 
 
 # ---- What a run is like ----
@@ -257,14 +297,14 @@ def unrest(times: ArrayLike, floor: float, resolution: float, foreign_share: flo
     as wide as the machine is restless.
 
     times:         of one variant, in the order in which they were taken
-    floor:         of the A/A comparison, in the logarithm
+    floor:         floor_of() the A/A comparison, in the logarithm
     foreign_share: part of the machine's processors that others used meanwhile, 0 to 1; None: unknown
     """
     values = np.asarray(times, dtype=np.float64).ravel()
     said = []
     if floor > resolution:
-        said.append(f"two equal variants differed by {100 * math.expm1(floor):.1f} %, more than the {100 * resolution:.1f} % "
-                    "that matter")
+        said.append(f"two equal variants certainly differed, by {100 * math.expm1(floor):.1f} %, and {100 * resolution:.1f} % "
+                    "matter")
     third = len(values) // 3
     if third >= 5:
         first, last = float(np.median(values[:third])), float(np.median(values[-third:]))

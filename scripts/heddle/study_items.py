@@ -43,6 +43,7 @@ SEEDS = 8  # images of a technique that is random
 # One for the machine, not for the user, whose TMPDIR may be another; the second where the first cannot be opened.
 LOCK = pathlib.Path("/tmp/heddle-study.lock")
 OWN_LOCK = pathlib.Path(tempfile.gettempdir()) / f"heddle-study-{os.getuid()}.lock"
+CLOCKS = ("ms", "processor_ms")  # what a round has of each frame: submission to fence, and processors' time
 # Processes that are no variant's.
 AGAIN, REFERENCE = "(the first again)", "(reference)"
 ROOT = pathlib.Path(__file__).resolve().parents[2]  # of the source tree, or PREFIX/lib/heddle
@@ -430,24 +431,26 @@ class Residents:
             raise Lost("failed", str(error), item["point"]["name"]) from error
 
     def round(self, item: Mapping[str, Any]) -> dict:
-        """The item's points in its order: {"ms": [[of a frame] of a turn], "others": [seconds of processors that other
-        programs used, all that there were], "changing": {point: frames after which they still were}}."""
+        """The item's points in its order: {"ms": [[of a frame] of a turn], "processor_ms": the same of the processors' time,
+        "others": [seconds of processors that other programs used, all that there were], "changing": {point: frames after which
+        they still were}}."""
         by_name = {point["name"]: point for point in item["points"]}
         changing = {}
         for name, point in by_name.items():
             warm = self.warm_point({**item, "point": point})
             if warm["warm_after"] is None:
                 changing[name] = warm["frames"]
-        times = []
+        times, worked = [], []
         begun, busy, own_before = time.monotonic(), busy_seconds(), self._own_seconds()
         for name in item["order"]:
             self.stop()
             # The first frame of a turn finds caches that others have filled, and does not count.
             answer = self._ask(by_name[name], "render", point=name, frames=item["frames"] + 1)
             times.append(answer["ms"][1:])
+            worked.append(answer["processor_ms"][1:])
         others = [(busy_seconds() - busy) - (self._own_seconds() - own_before),
                   (time.monotonic() - begun) * (os.cpu_count() or 1)]
-        return {"ms": times, "others": others, "changing": changing}
+        return {"ms": times, "processor_ms": worked, "others": others, "changing": changing}
 
     def profile(self, item: Mapping[str, Any]) -> dict:
         return self.ask({**item, "request": "profile", "arguments": {"frames": PROFILED_FRAMES}})

@@ -47,7 +47,15 @@ def write_image(path: pathlib.Path, pixels: np.ndarray) -> None:
 
 COLUMNS = ["study", "scene", "variant", "knobs", "state", "quantity", "unit", "value", "low", "high", "confidence", "samples",
            "against", "verdict", "difference", "difference_low", "difference_high", "floor", "smallest_seen", "is_on_front",
-           "formula", "note", "machine", "dominated_by"]
+           "formula", "note", "machine", "dominated_by", "matters", "rounds_needed"]
+# Two clocks of a frame, by their quantities: what a row of each is made of.
+TIMES = {
+    "frame": ("ms", "median over turns, submission to last fence; difference: of logarithms"),
+    "processor": ("processor_ms", "median over turns, of all threads of the variant's process, from recording to last fence; "
+                                  "difference: of logarithms"),
+}
+# What differs by less than this of the reference's own size is arithmetic, not a technique: a fortieth of an 8-bit step.
+NEGLIGIBLE = 1e-4
 
 
 MEMORY = {
@@ -57,6 +65,32 @@ MEMORY = {
     "transient_bytes_without_aliasing": "of the device, if they shared none",
     "kept_bytes": "of the device, what outlasts a frame",
 }
+
+
+class Compared:
+    """Times of a scene's points against the first one's, by one clock: the same rounds, the same machine, one noise."""
+
+    def __init__(self, run: SceneRun, clock: str):
+        baseline = run.study.points[0].name
+        values = [s.round_values(each["order"], [float(np.median(turn)) for turn in each[clock]]) for each in run.rounds]
+        # The first point itself may have been lost: then there is nothing to compare with.
+        values = [each for each in values if baseline in each]
+        self.differences: dict[str, list[float]] = {}  # of logarithms, one a round
+        for each in values:
+            for name in each:
+                if name != baseline:
+                    self.differences.setdefault(name, []).append(each[name] - each[baseline])
+        self.floor = s.floor_of(self.differences[AGAIN]) if AGAIN in self.differences else 0.0
+        self._noise: dict[int, s.Noise] = {}  # by rounds
+
+    def noise(self, rounds: int) -> s.Noise:
+        if rounds not in self._noise:
+            self._noise[rounds] = s.noise(list(self.differences.values()), rounds)
+        return self._noise[rounds]
+
+    def verdict(self, name: str, matters: float) -> tuple[s.Verdict, s.Noise]:
+        own = self.differences[name]
+        return s.decide(own, self.floor, matters), self.noise(len(own))
 
 
 def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
@@ -74,15 +108,15 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
             rows[-1] |= {"value": interval.value, "low": interval.low, "high": interval.high,
                          "confidence": interval.confidence}
 
-    def told(verdict: s.Verdict) -> dict[str, Any]:
+    def told(verdict: s.Verdict, noise: s.Noise) -> dict[str, Any]:
+        needed = verdict.rounds_needed(noise) if verdict.word == s.UNDECIDED else None
         return {"against": baseline.name, "verdict": verdict.word, "difference": verdict.difference.value,
                 "difference_low": verdict.difference.low, "difference_high": verdict.difference.high, "floor": verdict.floor,
-                "smallest_seen": verdict.smallest_seen}
+                "smallest_seen": verdict.smallest_seen(noise), "matters": verdict.matters,
+                **({"rounds_needed": needed} if needed is not None else {})}
 
-    values = [s.round_values(each["order"], [float(np.median(turn)) for turn in each["ms"]]) for each in run.rounds]
-    # The first point itself may have been lost: then there is nothing to compare with.
-    again = [each[AGAIN] - each[baseline.name] for each in values if baseline.name in each]
-    floor, noise = (s.floor_of(again), s.reach(again)) if again else (0.0, 0.0)
+    compared = {quantity: Compared(run, clock) for quantity, (clock, _) in TIMES.items()}
+    floor = compared["frame"].floor
     restless: list[str] = []
     for point in study.points:
         if run.state[point.name][0] != "ok":
@@ -90,19 +124,18 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
             continue
         frames = [ms for each in run.rounds for name, turn in zip(each["order"], each["ms"]) if name == point.name for ms in turn]
         if frames:
-            turns = [float(np.median(turn)) for each in run.rounds for name, turn in zip(each["order"], each["ms"])
-                     if name == point.name]
-            more: dict[str, Any] = {}
-            if point is not baseline and again:
-                both = [each for each in values if point.name in each and baseline.name in each]
-                more = told(s.decide([each[point.name] - each[baseline.name] for each in both], floor,
-                                     math.log1p(study.resolution), noise))
-            row(point, "frame", "ms", s.median(turns), len(frames),
-                formula="median over turns, submission to last fence; difference: of logarithms", machine=run.machine, **more)
+            for quantity, (clock, formula) in TIMES.items():
+                turns = [float(np.median(turn)) for each in run.rounds for name, turn in zip(each["order"], each[clock])
+                         if name == point.name]
+                own = compared[quantity]
+                row(point, quantity, "ms", s.median(turns), len(frames), formula=formula, machine=run.machine,
+                    **(told(*own.verdict(point.name, math.log1p(study.resolution))) if point.name in own.differences else {}))
+                if point is baseline:
+                    row(point, f"{quantity} noise floor", "log ratio", s.difference(own.differences[AGAIN]),
+                        len(own.differences[AGAIN]), formula="the same variant against itself, in another process",
+                        machine=run.machine)
             if point is baseline:
                 restless = s.unrest(frames, floor, math.log1p(study.resolution), run.foreign)
-                row(point, "frame noise floor", "log ratio", s.difference(again), len(again),
-                    formula="the same variant against itself, in another process", machine=run.machine)
         if point.name in run.changing:
             restless.append(f"frames of {point.name} were still changing after {run.changing[point.name]} of them")
         if found := run.measured.get(point.name):
@@ -119,17 +152,17 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
         for metric, errors in run.errors.get(point.name, {}).get("seeds", {}).items():
             parts = run.errors[point.name]["parts"][metric]
             direction, formula = better.get(metric, ("lower", "P-th percentile of |a-b|, nearest rank"))
-            compared = point is not baseline and baseline.name in run.errors
+            is_compared = point is not baseline and baseline.name in run.errors
             if not is_finite(run.errors[point.name], metric):
-                more = unmeasured(run, point, baseline, metric) if compared else {}
+                more = unmeasured(run, point, baseline, metric) if is_compared else {}
                 row(point, metric, "1", samples=len(errors), formula=formula, machine=by, **{"note": why_not_finite(errors)} | more)
                 continue
             own = s.reference_floor(parts) if len(parts) > 1 else 0.0
             interval = error_interval(errors, own)
             more = {}
-            if compared and is_finite(run.errors[baseline.name], metric):
-                more = told(error_verdict(run, point, baseline, metric, direction))
-            elif compared:
+            if is_compared and is_finite(run.errors[baseline.name], metric):
+                more = told(*error_verdict(run, point, baseline, metric, direction))
+            elif is_compared:
                 more = unmeasured(run, point, baseline, metric)
             row(point, metric, "1", interval, len(errors), formula=formula, machine=by, **more)
     return rows, restless
@@ -194,7 +227,24 @@ def error_interval(errors: Sequence[float], floor: float) -> s.Interval:
     return s.Interval(middle.value, middle.low - floor, middle.high + floor, 1.0 - s.FALSE_VERDICTS)
 
 
-def error_verdict(run: SceneRun, point: Point, baseline: Point, metric: str, direction: str) -> s.Verdict:
+def negligible(metric: str, size: float) -> float:
+    """The difference of errors that pixels make which are all off by NEGLIGIBLE of the reference's own size (its root mean
+    square), as the metric counts it; of psnr 0: it is a ratio already."""
+    if metric == "psnr":
+        return 0.0
+    if metric in ("relmse", "ssim", "flip", "hdr_flip"):
+        return NEGLIGIBLE**2 if metric == "relmse" else NEGLIGIBLE
+    return (NEGLIGIBLE * size) ** (2 if metric == "mse" else 1)
+
+
+def error_that_matters(run: SceneRun, metric: str) -> float:
+    """The smallest difference of errors that matters: of the first point's error the part that the study says, and nothing
+    negligible."""
+    first = float(np.median(run.errors[run.study.points[0].name]["seeds"][metric]))
+    return max(run.study.error_resolution * abs(first), negligible(metric, run.reference_size))
+
+
+def error_verdict(run: SceneRun, point: Point, baseline: Point, metric: str, direction: str) -> tuple[s.Verdict, s.Noise]:
     """The rule of times: differences seed by seed, with the reference's own variance as the floor."""
     sign = -1.0 if direction == "higher" else 1.0
     a, b = (run.errors[each.name]["seeds"][metric] for each in (baseline, point))
@@ -202,13 +252,13 @@ def error_verdict(run: SceneRun, point: Point, baseline: Point, metric: str, dir
     differences = [sign * (b[i % len(b)] - a[i % len(a)]) for i in range(count)]
     parts_a, parts_b = (run.errors[each.name]["parts"][metric] for each in (baseline, point))
     floor = s.reference_floor([y - x for x, y in zip(parts_a, parts_b)]) if len(parts_a) > 1 else 0.0
-    verdict = s.decide(differences, floor, run.study.error_resolution * abs(float(np.median(a))))
+    verdict, noise = s.decide(differences, floor, error_that_matters(run, metric)), s.noise([differences], count)
     if sign > 0:
-        return verdict
+        return verdict, noise
     # Told as it is: what is better has more of it.
     found = verdict.difference
     return dataclasses.replace(
-        verdict, difference=s.Interval(-found.value, -found.high, -found.low, found.confidence))
+        verdict, difference=s.Interval(-found.value, -found.high, -found.low, found.confidence)), noise
 
 
 def mark_front(rows: list[dict], metric: str) -> None:
@@ -254,7 +304,7 @@ def finite(rows: list[dict]) -> list[dict]:
 def print_summary(study: Study, rows: list[dict], restless: dict[str, list[str]]) -> None:
     for scene in dict.fromkeys(row["scene"] for row in rows):
         print(f"\n{scene}")
-        print(f"  {'':<36} {'frame, ms':>28}   {study.metrics[0]:>36}")
+        print(f"  {'':<36} {'frame, ms':>28}   {'processors, ms':>28}   {study.metrics[0]:>36}")
         for point in study.points:
             key = (point.variant, " ".join(f"{knob}={value}" for knob, value in point.knobs))
             own = {row["quantity"]: row for row in rows if row["scene"] == scene and (row["variant"], row["knobs"]) == key}
@@ -262,29 +312,34 @@ def print_summary(study: Study, rows: list[dict], restless: dict[str, list[str]]
             if first["state"] != "ok":
                 print(f"  {point.name:<36} {first['state']}: {first['note']}")
                 continue
-            print(f"  {point.name:<36} {cell(first):>28}   {cell(own.get(study.metrics[0], {})):>36}"
+            print(f"  {point.name:<36} {cell(first):>28}   {cell(own.get('processor', {})):>28}   "
+                  f"{cell(own.get(study.metrics[0], {})):>36}"
                   + (" *" if own.get(study.metrics[0], {}).get("is_on_front") else ""))
-            for quantity in ("frame", *study.metrics):
+            for quantity in (*TIMES, *study.metrics):
                 row = own.get(quantity, {})
                 if row.get("verdict"):
                     if "difference" not in row:
                         print(f"      {quantity}: {row['verdict']} against {row['against']} ({row['note']})")
                         continue
-                    scale = "" if quantity == "frame" else f" {row['unit']}" if row["unit"] != "1" else ""
+                    scale = "" if quantity in TIMES else f" {row['unit']}" if row["unit"] != "1" else ""
+                    needed = f"; about {row['rounds_needed']} rounds would tell" if row.get("rounds_needed") else ""
                     print(f"      {quantity}: {row['verdict']} than {row['against']}" if row["verdict"] in (s.BETTER, s.WORSE)
                           else f"      {quantity}: {row['verdict']} against {row['against']}", end="")
                     print(f" ({spell(quantity, row['difference'])}, {spell(quantity, row['difference_low'])} to "
-                          f"{spell(quantity, row['difference_high'])}; smallest seen {spell(quantity, row['smallest_seen'])})"
-                          + scale)
+                          f"{spell(quantity, row['difference_high'])}; matters from "
+                          f"{spell(quantity, row['matters'])}, smallest seen {spell(quantity, row['smallest_seen'])}{needed})" + scale)
         for text in restless.get(scene, []):
             print(f"  warning: {text}")
-    print("\n* no other point beats it in both frame time and error. Intervals hold the true value with 95 % and more.")
+    print(f"\n* no other point beats it in both frame time and error. Intervals hold the true value with 95 % and more.\n"
+          f"Better and worse: certain, and at least what matters, {100 * study.resolution:g} % of times, "
+          f"{100 * study.error_resolution:g} % of the first point's error (resolution, error_resolution). No difference seen: "
+          "certainly less than that.")
 
 
 def spell(quantity: str, value: float) -> str:
     if not math.isfinite(value):
         return "any"
-    return f"{100 * math.expm1(value):+.1f} %" if quantity == "frame" else f"{value:+.3g}"
+    return f"{100 * math.expm1(value):+.1f} %" if quantity in TIMES else f"{value:+.3g}"
 
 
 def cell(row: dict) -> str:

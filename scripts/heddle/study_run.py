@@ -31,7 +31,7 @@ from . import study_images as images
 from .__main__ import scene_path
 from ._library import CANCELLED
 from .study import Point, SceneChoice, Study, slug
-from .study_items import (AGAIN, PROFILED_FRAMES, REFERENCE, SEEDS, Contents, Lost, Refused, Residents, digest, fingerprint, own,
+from .study_items import (AGAIN, CLOCKS, PROFILED_FRAMES, REFERENCE, SEEDS, Contents, Lost, Refused, Residents, digest, fingerprint, own,
                           portable, timing_alone, used_seconds)
 from .study_rows import (command_line, finite, made_by, mark_dominated, mark_front, print_summary, rows_of, write, write_image,
                          write_table)
@@ -201,6 +201,7 @@ class SceneRun:
         self.kept: dict[str, str] = {}  # keys of images.load(): the first seed of points, and REFERENCE
         self.explained: dict[str, str] = {}  # keys of the store: how points' frames were planned
         self.machine = ""  # id of the one that timed
+        self.reference_size = 0.0  # root mean square of the reference's values
 
     @property
     def baseline(self) -> Point:
@@ -405,6 +406,7 @@ class SceneRun:
         stack = np.stack(parts).astype(np.float64)
         total = stack.sum(axis=0)
         whole = (total / len(parts)).astype(np.float32)
+        self.reference_size = float(np.sqrt(np.mean(np.square(whole, dtype=np.float64))))
         truth = {"whole": whole, "without": [((total - part) / (len(parts) - 1)).astype(np.float32) for part in stack]
                  if len(parts) > 1 else []}
         write_image(self.folder / f"reference_{slug(self.scene.name)}.npy", whole)
@@ -462,7 +464,7 @@ class SceneRun:
     # Times
 
     def times_key(self) -> str:
-        return digest("times", self.keys.get(self.baseline.name), self.executor.place()["id"], self.study.frames)
+        return digest("times", CLOCKS, self.keys.get(self.baseline.name), self.executor.place()["id"], self.study.frames)
 
     def finished_rounds(self) -> list[dict]:
         """On the machine that times now; of each round the turns of points that are still what they were then. A variant
@@ -470,9 +472,8 @@ class SceneRun:
         now = {point.name: self.keys.get(point.name) for point in self.study.points} | {AGAIN: self.keys.get(self.baseline.name)}
         rounds = []
         for each in self.store.lines(self.times_key()):
-            turns = [(name, ms) for name, ms in zip(each["order"], each["ms"])
-                     if name in now and each["keys"].get(name) == now[name] is not None]
-            rounds.append(each | {"order": [name for name, _ in turns], "ms": [ms for _, ms in turns]})
+            kept = [i for i, name in enumerate(each["order"]) if name in now and each["keys"].get(name) == now[name] is not None]
+            rounds.append(each | {key: [each[key][i] for i in kept] for key in ("order", *CLOCKS)})
         return rounds
 
     def profile_key(self, point: Point) -> str:

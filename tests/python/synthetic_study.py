@@ -70,13 +70,13 @@ def write_study(folder, explain, variants=30, scenes=5, size=(64, 36), channels=
             order = [point.name for point in alive] + [study_run.AGAIN]
             order += order[::-1]
             ms = [[math.exp(times.get(name, times[alive[0].name]) + 0.004 * random.standard_normal() + 0.02 * r)] * 3 for name in order]
-            turns.append({"round": r, "order": order, "ms": ms})
+            turns.append({"round": r, "order": order, "ms": ms, "processor_ms": [[2 * each for each in turn] for turn in ms]})
         passes = [each["name"] for each in explain["passes"] if not each["is_pruned"]]
         measured = {point.name: {"passes": {name: [0.3 + 0.05 * i + 0.01 * k for k in range(7)] for i, name in enumerate(passes)},
                                  "memory": {"transient_bytes": 123456}, "counters": {"draws": 7},
                                  "machine": "m", "device": {"name": "made up", "driver": "none"}} for point in alive}
         run = argparse.Namespace(
-            study=study, scene=choice, state=state, rounds=turns, changing={}, measured=measured, errors=errors, foreign=0.01,
+            study=study, scene=choice, state=state, rounds=turns, changing={}, measured=measured, errors=errors, foreign=0.01, reference_size=1.0,
             kept=names, explained={point.name: "explained" for point in alive}, machine="m",
             executor=argparse.Namespace(place=lambda: {"devices": [{"name": "made up"}]}), options=argparse.Namespace(device=None))
         own, restless[choice.name] = study_run.rows_of(run)

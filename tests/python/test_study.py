@@ -303,7 +303,8 @@ def measured_run(study, errors):
     """What rows_of() reads of a run whose errors are known."""
     found = {name: {"seeds": {"psnr": seeds}, "parts": {"psnr": []}, "is_random": False, "machine": "m"} for name, seeds in errors.items()}
     return argparse.Namespace(study=study, scene=study.scenes[0], state={p.name: ("ok", "") for p in study.points}, rounds=[],
-                              changing={}, measured={}, errors=found, foreign=None, machine="m")
+                              changing={}, measured={}, errors=found, foreign=None, machine="m",
+                              reference_size=1.0)
 
 
 @pytest.mark.parametrize(("few", "one", "four", "verdicts", "note"), [
@@ -344,7 +345,7 @@ def test_the_table_has_every_point_and_quantity_with_its_interval(finished):
     rows = table(finished)
     points = {(row["variant"], row["knobs"]) for row in rows}
     assert points == {("few", ""), ("rays", "samples=1"), ("rays", "samples=4")}
-    for quantity, unit in (("frame", "ms"), ("pass ao", "ms"), ("rmse", "1"), ("ssim", "1")):
+    for quantity, unit in (("frame", "ms"), ("processor", "ms"), ("pass ao", "ms"), ("rmse", "1"), ("ssim", "1")):
         own = [row for row in rows if row["quantity"] == quantity]
         assert {(row["variant"], row["knobs"]) for row in own} == points
         for row in own:
@@ -553,7 +554,7 @@ def test_the_estimate_is_of_what_is_not_measured_yet(host, tmp_path):
     few, again, one = "few", study_items.AGAIN, "rays samples=1"
     for number in range(7):  # two of three are timed
         scene.store.append(scene.times_key(), {"round": number, "order": [few, again, one], "ms": [[1.0]] * 3,
-                                               "keys": {few: few, again: few, one: one}})
+                                               "processor_ms": [[2.0]] * 3, "keys": {few: few, again: few, one: one}})
     scene.store.put(scene.profile_key(study.points[2]), {})
     scene.store.put(scene.images_key(study.points[2], "m"), {})
     assert scene.estimate_seconds() == 7 * 2 * 2 * (2 * 1 + 3) + (profiles + images) * (1 + 2)

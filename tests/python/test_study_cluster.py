@@ -218,7 +218,7 @@ def test_times_of_two_machines_are_never_compared(host, tmp_path, monkeypatch):
     scene = study_run.SceneRun(study, study.scenes[0], store, options(), tmp_path, host, executor, study_items.Contents(),
                                print, lambda: None, 0.0)
     scene.keys = {point.name: point.name for point in study.points}
-    line = {"order": ["few", study_items.AGAIN], "ms": [[1.0], [2.0]], "keys": {"few": "few", study_items.AGAIN: "few"}}
+    line = {"order": ["few", study_items.AGAIN], "ms": [[1.0], [2.0]], "processor_ms": [[1.0], [2.0]], "keys": {"few": "few", study_items.AGAIN: "few"}}
     store.append(scene.times_key(), line)
     assert [each["order"] for each in scene.finished_rounds()] == [["few", study_items.AGAIN]]
     executor.machine = "second"

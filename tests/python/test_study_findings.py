@@ -32,8 +32,8 @@ def measured(points, times, errors, rounds=15, noise=0.01, metric="rmse", seed=4
         ms = [[times[name if name in times else names[0]] * float(np.exp(noise * generator.normal()))] for name in order]
         found.append({"order": order, "ms": ms})
     made = {name: {"seeds": {metric: list(values)}, "parts": {metric: []}} for name, values in errors.items()}
-    return argparse.Namespace(study=argparse.Namespace(metrics=(metric,), points=points), scene=SCENE, rounds=found, errors=made,
-                              alive=lambda: list(points))
+    study = argparse.Namespace(metrics=(metric,), points=points, resolution=0.02, error_resolution=0.02)
+    return argparse.Namespace(study=study, scene=SCENE, rounds=found, errors=made, reference_size=1.0, alive=lambda: list(points))
 
 
 def test_a_rung_that_is_slower_and_worse_is_dominated():
@@ -56,6 +56,8 @@ def test_of_a_metric_that_is_better_higher_the_lower_is_dominated():
     ((10, 12), ([0.2], [0.1])),                                  # it buys accuracy
     ((10, 10), ([0.1], [0.2])),                                  # it costs nothing
     ((10, 12), ([0.1] * 8, [0.1] * 8)),                          # nor worse
+    ((10, 12), ([0.1], [0.1001])),                               # certainly worse, by nothing that matters
+    ((10, 10.1), ([0.1], [0.2])),                                # nor slower by what matters
     ((10, 12), (list(0.1 + 0.05 * np.cos(np.arange(8))), list(0.1005 + 0.05 * np.sin(np.arange(8))))),  # lost in noise
 ])
 def test_other_rungs_are_not(times, errors):

@@ -56,8 +56,12 @@ function verdictText(row, isTime) {
   if (row.difference === undefined) return row.verdict + (row.note ? ` (${row.note})` : '');
   const spell = isTime ? percent : (value) => (value > 0 ? '+' : '') + digits(value, 3);
   return `${row.verdict}: ${spell(row.difference)} (${spell(row.difference_low)} to ${spell(row.difference_high)}); ` +
-    `smallest that could be seen ${row.smallest_seen === undefined ? 'none' : spell(row.smallest_seen)}`;
+    (row.matters === undefined ? '' : `what matters begins at ${spell(row.matters)}, `) +
+    `smallest that could be seen ${row.smallest_seen === undefined ? 'none' : spell(row.smallest_seen)}` +
+    (row.rounds_needed === undefined ? '' : `; about ${row.rounds_needed} rounds would tell`);
 }
+const CLOCKS = ['frame', 'processor'];  // their differences are of logarithms
+
 function verdictClass(row) {
   return row && (row.verdict === 'better' || row.verdict === 'worse') ? row.verdict : '';
 }

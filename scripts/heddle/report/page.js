@@ -6,10 +6,10 @@ function showPoints() {
   const had = document.activeElement && document.activeElement.closest('#points') && document.activeElement.dataset.sort;
   const metricNames = data.metrics.map((each) => each.name);
   const passName = data.study.pass_name ? `pass ${data.study.pass_name}` : null;
-  const quantities = ['frame', ...(passName ? [passName] : []), ...metricNames];
+  const quantities = [...CLOCKS, ...(passName ? [passName] : []), ...metricNames];
   const columns = [
     {head: 'Row', key: 'row', value: (point) => point.row, n: 1}, {head: 'Point', key: 'point', value: (point) => point.name},
-    ...quantities.map((quantity) => ({head: quantity === 'frame' ? 'Frame [ms]' : quantity.startsWith('pass ') ? `${quantity} [ms]` : metricHead(quantity), key: quantity, n: 1,
+    ...quantities.map((quantity) => ({head: quantity === 'frame' ? 'Frame [ms]' : quantity === 'processor' ? 'Processors [ms]' : quantity.startsWith('pass ') ? `${quantity} [ms]` : metricHead(quantity), key: quantity, n: 1,
       value: (point) => point.rows[quantity]?.value ?? NaN})),
     {head: 'Memory', key: 'memory', n: 1, value: (point) => memoryOf(point)},
   ];
@@ -36,7 +36,7 @@ function showPoints() {
       if (row && row.low !== undefined) parts.push(make('br'), make('span', {class: 'range'}, `${digits(row.low, 3)} to ${digits(row.high, 3)}`));
       if (row && row.verdict) {
         parts.push(make('br'), tipped(make('span', {class: `range ${verdictClass(row)}`},
-          `${{better: '✓ ', worse: '✗ '}[row.verdict] || ''}${row.verdict}`), verdictText(row, quantity === 'frame')));
+          `${{better: '✓ ', worse: '✗ '}[row.verdict] || ''}${row.verdict}`), verdictText(row, CLOCKS.includes(quantity))));
       }
       if (row && row.dominated_by) parts.push(make('br'), make('span', {class: 'range worse'}, `beaten by ${row.dominated_by}`));
       if (row && row.is_on_front) parts.push(make('br'), make('span', {class: 'range'}, '★ on the front'));
@@ -92,7 +92,7 @@ function showMade() {
       table(`${point.name}, ${scene.scene}`, ['Quantity', {text: 'Value', n: 1}, {text: 'Interval', n: 1}, {text: 'Confidence', n: 1}, {text: 'Samples', n: 1}, 'Formula', 'Verdict or note'],
         changed.map(([quantity, row]) => [quantity, withUnit(row), interval(row), row.confidence === undefined ? '' : `${digits(100 * row.confidence, 4)} %`, row.samples ? String(row.samples) : '',
           row.formula === undefined ? (quantity.startsWith('memory') || quantity.startsWith('count') ? 'counted by the host in one frame' : '') : data.formulas[row.formula],
-          verdictText(row, quantity === 'frame') || row.note || '']))),
+          verdictText(row, CLOCKS.includes(quantity)) || row.note || '']))),
     make('details', {}, make('summary', {}, `Files that the study was made of (${Object.keys(data.files).length})`),
       table('SHA-256, first 16 digits', ['File', 'Contents'], Object.entries(data.files).map(([name, hash]) => [name, make('code', {}, hash)]))));
 }
@@ -113,7 +113,7 @@ function showMachine() {
     ['Rounds', `${study.rounds} rounds of ${study.frames} frame${study.frames === 1 ? '' : 's'} twice; all points take turns in each, there and back, and nothing else runs`],
     ['Noise floor', floor.length ? floor.map((row) => percent(Math.abs(row.value))).join(', ') + ': by what the first point differed from itself in another process, by scene' : 'unknown'],
     ['Verdicts', `false "better" or "worse" of equal variants: at most ${digits(100 * data.false_verdicts)} %; the smallest difference that could be seen would be with ${digits(100 * data.power)} %; ` +
-      `what matters: ${digits(100 * study.resolution)} % of time, ${digits(100 * study.error_resolution)} % of the first point's error`],
+      `what matters: ${digits(100 * study.resolution)} % of time, ${digits(100 * study.error_resolution)} % of the first point's error; better and worse are certain and as much, no difference seen is certainly less`],
     ['Written', data.written],
   ].flatMap(([name, value]) => [make('dt', {}, name), make('dd', {}, value)])),
   warnings.length ? [make('h3', {}, 'What speaks against the machine'), ...warnings.map((text) => make('p', {class: 'warning'}, text))] : make('p', {class: 'note'}, 'Nothing was seen that speaks against the machine.'));
