@@ -26,7 +26,8 @@ typedef struct heddle_surface_item {
 typedef struct heddle_pieces_service {
   uint32_t struct_size;
   uint32_t reserved;
-  /* In execute of a pass that makes artifacts: what a surfaces port of its holds, as it is posed, in the scene's order.
+  /* In execute of a pass that makes artifacts: what a surfaces port of its holds, as it is posed, in the scene's order,
+   * without instances in whose place passes have put something, or nothing.
    * *out is the host's, valid until the call returns that the pass is in. HEDDLE_BUG elsewhere and for another port.
    * [record-thread] */
   heddle_status (*items)(const heddle_pass_host* self, heddle_frame* frame, const char* port,

@@ -117,7 +117,15 @@ heddle_status surface_items(const heddle_pass_host* self, heddle_frame*, const c
     items.clear();
     if (const auto bound = asking.ports.find(port); bound != asking.ports.end()) {
       if (holds_scene(executor.graph, bound->second)) items = items_of(*executor.scene);
-      if (!made_surfaces(executor.graph, bound->second).empty()) {
+      bool is_made = false;
+      for (const ResourceIndex version : executor.made_versions(bound->second))
+        for (const scene::MadeBatch& batch : executor.resources[version].made->surfaces.batches) {
+          is_made = is_made || batch.record.index_count > 0 || batch.placed.empty();
+          std::erase_if(items, [&](const heddle_surface_item& item) {
+            return std::ranges::binary_search(batch.placed, item.instance);
+          });
+        }
+      if (is_made) {
         // What a pass makes is known by what went into it alone, of which the asking pass's own key holds all.
         heddle_surface_item made{};
         made.struct_size = sizeof made;

@@ -4,6 +4,9 @@
 #pragma once
 
 #include "baked_visibility.hpp"
+#include "fine_instances.hpp"
+#include "fine_meshes.hpp"
+#include "normal_maps.hpp"
 
 #include <heddle/meshes.hpp>
 
@@ -20,12 +23,26 @@
 namespace baked_visibility {
 
 enum class ElementKind : std::uint32_t { kOnLattice, kOnVertices, kInTexels };
+/// Where relief comes from that a mesh has not.
+enum class Detail : std::uint32_t { kNone, kNormalMap, kFineVertices, kFinePoints };
 
 struct ElementSettings {
   ElementKind kind = ElementKind::kOnLattice;
   double spacing = 0.25;  // metres between elements, at most
   double inset = 0.1;     // of the spacing: how far elements lie off the rims of smooth parts
+  Detail detail = Detail::kNone;
+  double reach = 0.1;  // metres from the surface, to both sides, at which its finer one is looked for
 };
+/// As the parameters of all techniques name them.
+inline ElementSettings element_settings(const heddle::pass::PassHost& host) {
+  ElementSettings settings;
+  settings.kind = static_cast<ElementKind>(host.choice("elements"));
+  settings.spacing = host.parameter("spacing");
+  settings.inset = host.parameter("inset");
+  settings.detail = static_cast<Detail>(host.choice("detail"));
+  settings.reach = host.parameter("reach");
+  return settings;
+}
 /// Steps along a triangle's side, and texels along a tile's, at most: where that is too few, elements are further apart
 /// than was asked, and a remark says so.
 inline constexpr std::uint32_t kMostResolution = 128, kMostTexels = 1024;
@@ -35,32 +52,49 @@ inline constexpr std::uint64_t kMostElements = 4'000'000;
 /// A point that asks.
 struct Element {
   glm::vec3 position{0.0F};  // relative to the set's origin, metres
-  glm::vec3 normal{0.0F};    // unit; zero: a degenerate one, which is open
-  std::uint32_t value = 0;   // in the artifact
+  glm::vec3 normal{0.0F};    // unit, what directions are weighed by; zero: a degenerate one, which is open
+  glm::vec3 facing{0.0F};    // unit, of the surface itself: what is not in front of it is hidden by it
+  std::uint32_t value = 0;   // in the artifact; from ElementSet::value_count on, of a fine mesh
 };
 
 /// Elements of one instance whose normals lean to the same side, one behind the other.
 struct Part {
-  std::uint32_t instance = 0;
+  std::uint32_t instance = 0;  // on whose mesh they lie; kNoMesh: on several
   std::uint32_t first = 0, count = 0;
+};
+
+inline constexpr std::uint32_t kNoMesh = ~0U;
+
+/// A value that is the one at a point of a fine mesh's triangle: of its corners, by weights.
+struct Transfer {
+  std::uint32_t value = 0;
+  std::array<std::uint32_t, 3> from{};
+  std::array<double, 3> weights{};
 };
 
 struct ElementSet {
   glm::dvec3 origin{0.0};  // of the scene's bounding sphere
   double radius = 0;
   std::vector<Element> elements;
-  std::vector<Part> parts;                // of all elements, in their order
-  Baked baked;                            // without values
+  std::vector<Part> parts;        // of all elements, in their order
+  Baked baked;                    // without values; at its end, until they are set, those of fine meshes
+  std::uint32_t value_count = 0;  // of the artifact
+  std::vector<Transfer> transfers;
   std::vector<std::uint8_t> is_answered;  // by value: an element asks for it
+  std::vector<std::uint32_t> others;      // instances that must not occlude, as the ones asked stand in their place
   std::vector<std::string> remarks;       // to be told
   double spacing = 0;                     // as it was used
   double reached = 0;                     // metres between elements where they are furthest apart
+  std::uint64_t mapped = 0;               // elements whose normal is a normal map's
+  std::uint64_t refined = 0, missed = 0;  // points of coarse meshes for which there is one of a fine mesh, and is not
 };
 
 namespace detail {
 
 struct LocalElement {
   glm::dvec3 position{0.0}, normal{0.0};
+  glm::dvec4 tangent{0.0};
+  std::array<glm::dvec2, 2> uvs{glm::dvec2(0.0), glm::dvec2(0.0)};
   glm::dvec3 inward{0.0};  // the integral of unit directions over the angles of triangles around: 0 inside of a part
   double room = HUGE_VAL;  // to the nearest of their middles
   std::uint32_t value = 0;
@@ -80,6 +114,18 @@ inline glm::dvec3 position_of(const HeddleVertex& v) {
 }
 inline glm::dvec3 normal_of(const HeddleVertex& v) {
   return {v.normal[0], v.normal[1], v.normal[2]};
+}
+/// What a mesh has at a point of a triangle: its corners' by their weights.
+inline void blend(const heddle_scene_mesh& mesh, const std::uint32_t* corners, const std::array<double, 3>& weights,
+                  LocalElement& out) {
+  for (std::size_t k = 0; k < 3; ++k) {
+    const HeddleVertex& v = mesh.vertices[corners[k]];
+    out.position += position_of(v) * weights[k];
+    out.normal += normal_of(v) * weights[k];
+    out.tangent += glm::dvec4(v.tangent[0], v.tangent[1], v.tangent[2], v.tangent[3]) * weights[k];
+    out.uvs[0] += glm::dvec2(v.u0, v.v0) * weights[k];
+    out.uvs[1] += glm::dvec2(v.u1, v.v1) * weights[k];
+  }
 }
 /// Unit, or zero.
 inline glm::dvec3 unit(const glm::dvec3& v) {
@@ -130,10 +176,9 @@ inline Layout make_lattice(const heddle_scene_mesh& mesh, double spacing) {
         if (is_new) {
           LocalElement element;
           element.value = found->second;
-          for (std::size_t k = 0; k < 3; ++k) {
-            element.position += p[k] * (static_cast<double>(weight[k]) / resolution);
-            element.normal += normal_of(mesh.vertices[corner[k]]) * (static_cast<double>(weight[k]) / resolution);
-          }
+          std::array<double, 3> parts{};
+          for (std::size_t k = 0; k < 3; ++k) parts[k] = static_cast<double>(weight[k]) / resolution;
+          blend(mesh, corner.data(), parts, element);
           layout.elements.push_back(element);
         }
         if (zeros > 0) {
@@ -263,13 +308,9 @@ inline std::optional<Layout> make_texels(const heddle_scene_mesh& mesh, double s
         const std::uint32_t value = y * layout.width + x;
         if (is_in && is_inside[value] != 0) return {};
         if (owner[value] != kFree && !is_in) continue;
-        const std::array<double, 3> b = nearest_barycentric(uv, centre);
         LocalElement element;
         element.value = value;
-        for (std::uint32_t k = 0; k < 3; ++k) {
-          element.position += b[k] * position_of(mesh.vertices[mesh.indices[t + k]]);
-          element.normal += b[k] * normal_of(mesh.vertices[mesh.indices[t + k]]);
-        }
+        blend(mesh, mesh.indices + t, nearest_barycentric(uv, centre), element);
         if (owner[value] == kFree) {
           owner[value] = static_cast<std::uint32_t>(layout.elements.size());
           layout.elements.push_back(element);
@@ -313,13 +354,13 @@ inline std::uint32_t side_of(const glm::vec3& normal) {
     if (std::abs(normal[static_cast<int>(a)]) > std::abs(normal[static_cast<int>(axis)])) axis = a;
   return 2 * axis + (normal[static_cast<int>(axis)] < 0 ? 1 : 0);
 }
-/// Sorts an instance's elements, the last ones of the set, by side.
+/// Sorts an instance's elements, the last ones of the set, by the side that their surface faces.
 inline void add_parts(ElementSet& set, std::uint32_t instance, std::size_t first) {
   const auto begin = set.elements.begin() + static_cast<std::ptrdiff_t>(first);
   std::stable_sort(begin, set.elements.end(),
-                   [](const Element& a, const Element& b) { return side_of(a.normal) < side_of(b.normal); });
+                   [](const Element& a, const Element& b) { return side_of(a.facing) < side_of(b.facing); });
   for (std::size_t e = first; e < set.elements.size(); ++e) {
-    if (e == first || side_of(set.elements[e].normal) != side_of(set.elements[e - 1].normal))
+    if (e == first || side_of(set.elements[e].facing) != side_of(set.elements[e - 1].facing))
       set.parts.push_back({instance, static_cast<std::uint32_t>(e), 0});
     ++set.parts.back().count;
   }
@@ -359,12 +400,71 @@ inline std::pair<glm::dvec3, double> bounding_sphere(const heddle::pass::Meshes&
   return {0.5 * (low + high), std::max(0.5 * glm::distance(low, high), 1e-6)};
 }
 
-inline ElementSet make_elements(const heddle::pass::Meshes& meshes, const ElementSettings& settings) {
-  ElementSet set;
+namespace detail {
+
+/// Where an instance stands, for its elements.
+struct Place {
+  glm::dmat4 scene_from_object;
+  glm::dmat3 directions, normals;
+  double mirror = 1;
+
+  explicit Place(const glm::dmat4& place) : scene_from_object(place), directions(place) {
+    const glm::dmat3& m = directions;
+    mirror = glm::determinant(m) < 0 ? -1 : 1;
+    // By the inverse transpose up to a positive factor: mirrored instances keep their outward normals.
+    normals = glm::dmat3(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1])) * mirror;
+  }
+  /// As surface_sample.glsl has it: tangents of unit vertices are interpolated in the scene. Zero: it says nothing.
+  [[nodiscard]] glm::dvec3 mapped(const LocalElement& local, const glm::dvec3& bump) const {
+    const glm::dvec3 n = unit(normals * local.normal) * glm::length(local.normal);
+    const glm::dvec3 t = unit(directions * glm::dvec3(local.tangent)) * glm::length(glm::dvec3(local.tangent));
+    return unit(bump.x * t + bump.y * mirror * local.tangent.w * glm::cross(n, t) + bump.z * n);
+  }
+};
+
+/// An element to a point of a fine mesh, where it then faces as that does.
+inline void move_to(const heddle::pass::Meshes& meshes, const FineMeshes::Point& point, const glm::dvec3& origin,
+                    Element& element) {
+  const heddle_scene_instance instance = meshes.instance(point.instance);
+  const heddle_scene_mesh mesh = meshes.mesh(instance.mesh);
+  const Place place(glm::make_mat4(instance.scene_from_object));
+  LocalElement local;
+  blend(mesh, mesh.indices + std::size_t{3} * point.triangle, point.weights, local);
+  element.position = glm::vec3(glm::dvec3(place.scene_from_object * glm::dvec4(local.position, 1.0)) - origin);
+  element.normal = element.facing = glm::vec3(unit(place.normals * local.normal));
+}
+
+}  // namespace detail
+
+inline heddle_status make_elements(const heddle::pass::PassHost& host, ElementSet& set) {
+  const heddle::pass::Meshes meshes(host);
+  const ElementSettings settings = element_settings(host);
+  NormalMaps maps;
+  if (settings.detail == Detail::kNormalMap)
+    if (const heddle_status status = maps.read(host); status != HEDDLE_OK) return status;
+  std::map<std::uint32_t, std::vector<std::uint32_t>> fine;  // by coarse instance
+  if (const heddle_status status = fine_instances::read(host, nullptr, fine); status != HEDDLE_OK) return status;
+  set = {};
   std::tie(set.origin, set.radius) = bounding_sphere(meshes);
   const std::uint32_t instance_count = meshes.content().instance_count;
+  std::vector<std::uint8_t> is_fine(instance_count, 0);
+  for (const auto& [coarse, all] : fine)
+    for (const std::uint32_t i : all) is_fine[i] = 1;
+  const bool is_transferred = settings.detail == Detail::kFineVertices;
+  const bool is_refined = is_transferred || settings.detail == Detail::kFinePoints;
+  for (const auto& [coarse, all] : fine)
+    if (is_refined)
+      set.others.push_back(coarse);
+    else
+      set.others.insert(set.others.end(), all.begin(), all.end());
+  if (is_refined && fine.empty())
+    set.remarks.emplace_back(
+        "no instance has a finer one, so all elements lie on their own meshes: put the component mesh_detail.fine on "
+        "the "
+        "finer instances");
   std::vector<double> scales(meshes.content().mesh_count, 0.0);
   for (std::uint32_t i = 0; i < instance_count; ++i) {
+    if (is_fine[i] != 0) continue;  // nothing shows it
     const heddle_scene_instance instance = meshes.instance(i);
     scales[instance.mesh] =
         std::max(scales[instance.mesh], detail::largest_scale(glm::make_mat4(instance.scene_from_object)));
@@ -387,7 +487,8 @@ inline ElementSet make_elements(const heddle::pass::Meshes& meshes, const Elemen
       layouts[m] = texels ? *std::move(texels) : detail::make_lattice(mesh, spacing);
     }
     std::uint64_t total = 0;
-    for (std::uint32_t i = 0; i < instance_count; ++i) total += layouts[meshes.instance(i).mesh].elements.size();
+    for (std::uint32_t i = 0; i < instance_count; ++i)
+      if (is_fine[i] == 0) total += layouts[meshes.instance(i).mesh].elements.size();
     if (total <= kMostElements || set.spacing == 0) break;
     set.spacing *= 2;
     set.remarks.push_back(std::to_string(total) + " elements are too many; they are " + std::to_string(set.spacing) +
@@ -408,49 +509,101 @@ inline ElementSet make_elements(const heddle::pass::Meshes& meshes, const Elemen
     }
     set.baked.lattice.insert(set.baked.lattice.end(), layout.lattice.begin(), layout.lattice.end());
   }
+  for (std::uint32_t i = 0; i < instance_count; ++i)
+    if (is_fine[i] == 0) set.value_count += layouts[meshes.instance(i).mesh].value_count;
+  // Vertices of fine meshes, each once; what carries their answers over follows below.
+  std::uint32_t value_end = set.value_count;
+  std::map<std::uint32_t, std::pair<std::uint32_t, detail::Layout>> vertices;  // first value, by fine instance
+  for (std::uint32_t i = 0; i < instance_count && is_transferred; ++i) {
+    if (is_fine[i] == 0) continue;
+    auto& [first_value, layout] = vertices[i];
+    first_value = value_end;
+    layout = detail::make_lattice(meshes.mesh(meshes.instance(i).mesh), 0.0);
+    value_end += layout.value_count;
+  }
+  if (value_end - set.value_count > kMostElements)
+    return host.fail(HEDDLE_UNSUPPORTED, "fine meshes have " + std::to_string(value_end - set.value_count) +
+                                             " vertices; expected: at most " + std::to_string(kMostElements) +
+                                             ", or params.detail = \"fine_points\"");
+
   std::uint32_t value_count = 0;
   const double inset = settings.inset * (set.spacing > 0 ? set.spacing : settings.spacing);
   for (std::uint32_t i = 0; i < instance_count; ++i) {
     const heddle_scene_instance instance = meshes.instance(i);
-    const detail::Layout& layout = layouts[instance.mesh];
+    const bool is_of_vertices = is_fine[i] != 0;
+    if (is_of_vertices && !is_transferred) {
+      set.baked.instances.emplace_back();
+      continue;
+    }
+    const detail::Layout& layout = is_of_vertices ? vertices.at(i).second : layouts[instance.mesh];
     BakedInstance record;
-    record.kind = layout.kind;
-    record.first_value = value_count;
-    record.first_triangle = first[instance.mesh].first;
-    record.triangle_count = static_cast<std::uint32_t>(layout.triangles.size());
-    record.width = layout.width;
-    record.height = layout.height;
-    record.uv_set = layout.uv_set;
+    if (!is_of_vertices) {
+      record.kind = layout.kind;
+      record.first_value = value_count;
+      record.first_triangle = first[instance.mesh].first;
+      record.triangle_count = static_cast<std::uint32_t>(layout.triangles.size());
+      record.width = layout.width;
+      record.height = layout.height;
+      record.uv_set = layout.uv_set;
+    }
     set.baked.instances.push_back(record);
-    const glm::dmat4 place = glm::make_mat4(instance.scene_from_object);
-    // By the inverse transpose up to a positive factor: mirrored instances keep their outward normals.
-    const glm::dmat3 m(place);
-    const glm::dmat3 normals = glm::dmat3(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1])) *
-                               (glm::determinant(m) < 0 ? -1.0 : 1.0);
+    const std::uint32_t first_value = is_of_vertices ? vertices.at(i).first : value_count;
+    const detail::Place place(glm::make_mat4(instance.scene_from_object));
+    const std::uint32_t material = meshes.mesh(instance.mesh).material;
+    FineMeshes finer;
+    const auto found = fine.find(i);
+    const bool has_finer = is_refined && found != fine.end();
+    if (has_finer && !finer.build(meshes, found->second, set.origin)) return host.fail(HEDDLE_FAILED, finer.error());
     const std::size_t first_element = set.elements.size();
     for (const detail::LocalElement& local : layout.elements) {
-      glm::dvec3 at(place * glm::dvec4(local.position, 1.0));
+      glm::dvec3 at = glm::dvec3(place.scene_from_object * glm::dvec4(local.position, 1.0));
       if (glm::length(local.inward) > 0.5) {  // a rim
-        const glm::dvec3 step = m * detail::unit(local.inward);
+        const glm::dvec3 step = place.directions * detail::unit(local.inward);
         const double length = glm::length(step);
         if (length > 0) at += step * std::min(inset / length, 0.5 * local.room);
       }
       Element element;
       element.position = glm::vec3(at - set.origin);
-      element.normal = glm::vec3(detail::unit(normals * local.normal));
-      element.value = value_count + local.value;
+      element.normal = element.facing = glm::vec3(detail::unit(place.normals * local.normal));
+      element.value = first_value + local.value;
+      if (maps.has(material)) {
+        const glm::dvec3 mapped = place.mapped(local, maps.bump(material, local.uvs[maps.uv_set(material)]));
+        if (mapped != glm::dvec3(0.0) && element.facing != glm::vec3(0.0F)) {
+          element.normal = glm::vec3(mapped);
+          ++set.mapped;
+        }
+      }
+      if (has_finer) {
+        const auto point = finer.find(at - set.origin, glm::dvec3(element.facing), settings.reach);
+        ++(point ? set.refined : set.missed);
+        if (point && is_transferred) {
+          const auto& [fine_first, corners] = vertices.at(point->instance);
+          Transfer& transfer = set.transfers.emplace_back();
+          transfer.value = element.value;
+          transfer.weights = point->weights;
+          for (std::size_t k = 0; k < 3; ++k)
+            transfer.from[k] = fine_first + corners.lattice[std::size_t{3} * point->triangle + k];
+          continue;
+        }
+        if (point) detail::move_to(meshes, *point, set.origin, element);
+      }
       set.elements.push_back(element);
     }
-    detail::add_parts(set, i, first_element);
-    value_count += layout.value_count;
+    detail::add_parts(set, has_finer ? kNoMesh : i, first_element);
+    if (!is_of_vertices) value_count += layout.value_count;
   }
   if (set.elements.empty())
     set.remarks.push_back(
         "nothing was baked: the scene has no triangles on meshes that never bend; name a scene that has");
-  set.baked.values.resize(value_count);
-  set.is_answered.assign(value_count, 0);
+  if (set.missed > 0)
+    set.remarks.push_back(std::to_string(set.missed) + " of " + std::to_string(set.missed + set.refined) +
+                          " points of coarse meshes have no finer surface within " + std::to_string(settings.reach) +
+                          " m and answer for themselves: raise reach");
+  set.baked.values.resize(value_end);
+  set.is_answered.assign(value_end, 0);
   for (const Element& element : set.elements) set.is_answered[element.value] = 1;
-  return set;
+  for (const Transfer& transfer : set.transfers) set.is_answered[transfer.value] = 1;
+  return HEDDLE_OK;
 }
 
 /// What directions said of an element: sums over those in front of it.
@@ -533,6 +686,32 @@ inline void fill_gaps(ElementSet& set, bool is_filling, std::uint32_t steps) {
   }
 }
 
+/// Answers of fine meshes' vertices to the values that are theirs. If `is_filling`, vertices that see nothing, because
+/// they lie in something, are left out where another corner sees something.
+inline void carry_over(ElementSet& set, bool is_filling) {
+  for (const Transfer& transfer : set.transfers) {
+    double weight = 0, visibility = 0;
+    glm::dvec3 bent(0.0);
+    for (const bool is_leaving_out : {is_filling, false}) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        const BakedValue& corner = set.baked.values[transfer.from[k]];
+        if (is_leaving_out && corner.visibility == 0) continue;
+        const std::array<double, 3> direction = unpack_direction(corner.bent);
+        weight += transfer.weights[k];
+        visibility += transfer.weights[k] * static_cast<double>(corner.visibility);
+        bent += transfer.weights[k] * glm::dvec3(direction[0], direction[1], direction[2]);
+      }
+      if (weight > 0) break;
+    }
+    BakedValue& value = set.baked.values[transfer.value];
+    value.visibility = weight > 0 ? static_cast<float>(std::clamp(visibility / weight, 0.0, 1.0)) : 1.0F;
+    const auto packed = pack_direction({bent.x, bent.y, bent.z});
+    value.bent[0] = packed[0];
+    value.bent[1] = packed[1];
+  }
+  set.baked.values.resize(set.value_count);
+}
+
 inline constexpr std::uint32_t kFillSteps = 8;  // elements that `fill` reaches; as many texels a gutter is wide
 
 /// Elements that see nothing, and those that have no side to see from.
@@ -547,6 +726,7 @@ inline Blind set_values(ElementSet& set, std::span<const Sums> sums, bool is_fil
     blind.without_side += sums[e].weight > 0 ? 0 : 1;
     blind.closed += sums[e].weight > 0 && sums[e].open == 0 ? 1 : 0;
   }
+  carry_over(set, is_filling);
   fill_gaps(set, is_filling, kFillSteps);
   set.baked.direction_count = static_cast<std::uint32_t>(directions);
   return blind;

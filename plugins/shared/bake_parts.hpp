@@ -37,11 +37,11 @@ inline Planes planes_of(std::span<const Element> elements) {
   Planes planes;
   std::map<std::array<float, 3>, std::size_t> known;
   for (const Element& element : elements) {
-    const glm::dvec3 normal(element.normal);
+    const glm::dvec3 normal(element.facing);
     if (normal == glm::dvec3(0.0)) continue;
     const double height = glm::dot(normal, glm::dvec3(element.position));
     const auto [found, is_new] =
-        known.try_emplace({element.normal.x, element.normal.y, element.normal.z}, planes.normals.size());
+        known.try_emplace({element.facing.x, element.facing.y, element.facing.z}, planes.normals.size());
     if (is_new) {
       planes.normals.push_back(normal);
       planes.heights.push_back(height);
@@ -86,6 +86,14 @@ class Parts {
         status != HEDDLE_OK)
       return status;
     const std::span<const heddle_surface_item> surfaces(items, count);
+    for (const heddle_surface_item& item : surfaces)
+      if (std::ranges::find(set.others, item.instance) != set.others.end())
+        return host.fail(
+            HEDDLE_BAD_INPUT,
+            "instance " + std::to_string(item.instance) +
+                " is among the surfaces beside the one that it shows the same as, and would hide it; put a pass "
+                "of role mesh_detail above, with params.show = \"fine\" for params.detail = \"fine_vertices\" "
+                "and \"fine_points\", else \"coarse\"");
     const heddle::pass::Meshes meshes(host);
     for (std::size_t p = 0; p < set.parts.size(); ++p) {
       const Part& part = set.parts[p];
@@ -98,8 +106,11 @@ class Parts {
       for (const Element& element : elements) {
         add(key, std::span(&element.position, 1));
         add(key, std::span(&element.normal, 1));
+        add(key, std::span(&element.facing, 1));
       }
-      bool is_alone = rules.finds_open;
+      // A normal that leans off its surface has directions in front of it that the surface hides.
+      bool is_alone = rules.finds_open && part.instance != kNoMesh &&
+                      std::ranges::all_of(elements, [](const Element& e) { return e.normal == e.facing; });
       for (const heddle_surface_item& item : surfaces) {
         if ((item.flags & (HEDDLE_SURFACE_OPAQUE | HEDDLE_SURFACE_MASKED)) == 0) continue;
         const glm::dvec3 low = glm::make_vec3(item.low) - set.origin, high = glm::make_vec3(item.high) - set.origin;

@@ -130,6 +130,28 @@ Technique sky_environment_map() {
   return t;
 }
 
+Technique mesh_detail() {
+  Technique t = technique("mesh_detail/chosen");
+  Port surfaces = port("surfaces", PortType::kSurfaces, Direction::kInout);
+  surfaces.vertices = "vertices";
+  surfaces.indices = "indices";
+  t.ports = {surfaces};
+  for (const char* name : {"vertices", "indices"}) {
+    Port p = port(name, PortType::kBuffer, Direction::kOut, HEDDLE_PORT_KEPT);
+    p.byte_size = 64;
+    p.glsl = "uint " + p.name + "[];";
+    t.ports.push_back(p);
+  }
+  t.parameters = {choice("show", {"coarse", "fine"})};
+  t.stages = {{"choose",
+               StageKind::kCpu,
+               {touch("vertices", HEDDLE_ACCESS_HOST_WRITE), touch("indices", HEDDLE_ACCESS_HOST_WRITE),
+                touch("surfaces", HEDDLE_ACCESS_BATCHES)}}};
+  t.features = {"mesh_detail.fine"};
+  t.components = {"mesh_detail.fine"};
+  return t;
+}
+
 Technique subdivision() {
   Technique t = technique("subdivision/catmull_clark");
   Port surfaces = port("surfaces", PortType::kSurfaces, Direction::kInout);
@@ -498,6 +520,7 @@ PluginFolder::PluginFolder() {
   for (const Technique& t : {sky_procedural(),
                              sky_uniform(),
                              sky_environment_map(),
+                             mesh_detail(),
                              subdivision(),
                              gbuffer_raster(),
                              gtao(),

@@ -77,8 +77,8 @@ void prove(const std::string& file, const Registry& registry, std::span<const st
 class ShippedGraphs : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(ShippedGraphs, ResolveWithEveryBarrierProven) {
-  const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface",
-                                          "texture_source.virtual"};
+  const std::vector<std::string> features{"blended",          "environment",         "lights",
+                                          "mesh_detail.fine", "subdivision.surface", "texture_source.virtual"};
   prove(GetParam(), test_support::shared_registry(), {});
   prove(GetParam(), test_support::shared_registry(), features);
 }
@@ -90,6 +90,7 @@ TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
   for (const char* id : {"sky/procedural",
                          "sky/uniform",
                          "sky/environment_map",
+                         "mesh_detail/chosen",
                          "subdivision/catmull_clark",
                          "gbuffer/raster",
                          "ambient_occlusion/gtao",
@@ -108,8 +109,8 @@ TEST_P(ShippedGraphs, ResolveWithThePluginsOfThisBuild) {
                          "transparency/sorted",
                          "display/linear"})
     if (registry.find(id).technique == nullptr) GTEST_SKIP() << id << " is not built";
-  const std::vector<std::string> features{"blended", "environment", "lights", "subdivision.surface",
-                                          "texture_source.virtual"};
+  const std::vector<std::string> features{"blended",          "environment",         "lights",
+                                          "mesh_detail.fine", "subdivision.surface", "texture_source.virtual"};
   prove(GetParam(), registry, {});
   prove(GetParam(), registry, features);
 }

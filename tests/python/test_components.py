@@ -130,7 +130,7 @@ def test_a_scene_says_its_components_and_has_them_as_features(host):
 
 @pytest.mark.parametrize("call, text", [
     (lambda scene: scene.component("shadow.setings", {}, light=0),
-     "error: light 0 'lamp 0': no role reads a component 'shadow.setings'\n  expected: one of shadow.settings, subdivision.surface, texture_source.virtual\n"
+     "error: light 0 'lamp 0': no role reads a component 'shadow.setings'\n  expected: one of mesh_detail.fine, shadow.settings, subdivision.surface, texture_source.virtual\n"
      "  help:     did you mean 'shadow.settings'?"),
     (lambda scene: scene.component("shadow.settings", {"prioriti": 1}, light=0),
      "error: light 0 'lamp 0': the component 'shadow.settings' has no property 'prioriti'\n"

@@ -102,12 +102,14 @@ class Scene {
     return record;
   }
 
-  /// What is added later is made of it; `base_color_texture` is an id of heddle_scene_add_texture.
-  void use_material(const HeddleMaterial& record, std::uint32_t base_color_texture = HEDDLE_NONE) {
+  /// What is added later is made of it; textures are ids of heddle_scene_add_texture.
+  void use_material(const HeddleMaterial& record, std::uint32_t base_color_texture = HEDDLE_NONE,
+                    std::uint32_t normal_texture = HEDDLE_NONE) {
     heddle_material material{};
     material.struct_size = sizeof material;
     std::fill(std::begin(material.textures), std::end(material.textures), HEDDLE_NONE);
     material.textures[HEDDLE_TEXTURE_BASE_COLOR] = base_color_texture;
+    material.textures[HEDDLE_TEXTURE_NORMAL] = normal_texture;
     material.record = record;
     check(heddle_scene_add_material(handle, nullptr, &material, &material_));
   }

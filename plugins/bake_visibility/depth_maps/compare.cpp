@@ -41,11 +41,13 @@ std::uint64_t compare_depths(const DepthMap& map, std::span<const glm::vec4> row
     const float h = depth_test::cosine(elements[BAKE_VECTORS_PER_ELEMENT * e + 1], direction);
     if (!(h > 0.0F)) continue;
     sums[e].weight += static_cast<double>(h);
+    const float slope = depth_test::cosine(elements[BAKE_VECTORS_PER_ELEMENT * e + 2], direction);
+    if (!(slope > 0.0F)) continue;
     const int x = depth_test::texel_of(depth_test::project(row[0], position), side);
     const int y = depth_test::texel_of(depth_test::project(row[1], position), side);
     if (x >= 0 && y >= 0 && x < side && y < side) {
       ++tests;
-      const float bias = depth_test::depth_bias(h, push.bias_slope, push.bias_constant, push.bias_limit);
+      const float bias = depth_test::depth_bias(slope, push.bias_slope, push.bias_constant, push.bias_limit);
       if (!depth_test::is_open(depth_test::project(row[2], position), depth_at(map, x, y), bias, push.depth_steps))
         continue;
     }

@@ -26,7 +26,7 @@ int texel_of(float clip, int side) {
   return int(texel < -1.0f ? -1.0f : (texel > float(side) ? float(side) : texel));
 }
 
-// h: N.s > 0. Reversed depth: nearer to the light is larger.
+// h: N.s > 0, N of the surface itself. Reversed depth: nearer to the light is larger.
 float depth_bias(float h, float slope, float constant_part, float limit) {
   precise float rest = 1.0f - h * h;
   precise float tangent = sqrt(rest > 0.0f ? rest : 0.0f) / h;

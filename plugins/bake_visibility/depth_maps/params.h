@@ -7,8 +7,8 @@
 #define BAKE_TARGET_WIDTH 1024  // elements in a row of the target of `split_ramp`
 // vec4 of a direction: the rows of clip_from_position that give x, y and reversed depth, and the direction, unit
 #define BAKE_VECTORS_PER_DIRECTION 4
-// vec4 of an element: position, then normal
-#define BAKE_VECTORS_PER_ELEMENT 2
+// vec4 of an element: position, normal, and normal of the surface itself
+#define BAKE_VECTORS_PER_ELEMENT 3
 // vec4 of an element's sums: (weight, open, tests, 0), (open N.s s, 0)
 #define BAKE_VECTORS_PER_SUM 2
 

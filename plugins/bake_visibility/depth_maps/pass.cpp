@@ -25,7 +25,7 @@ constexpr heddle_port kPorts[] = {
     port("occlusion", HEDDLE_PORT_ARTIFACT, HEDDLE_OUT, "visibility and mean open direction of every element"),
     port("report", HEDDLE_PORT_REPORT, HEDDLE_OUT, "how much was asked, and what could not be done as wished"),
     value_out("directions", 64, "of each: three rows of its view, and where it is", "vec4 directions[];"),
-    buffer_out("elements", 32, "vec4 elements[];", "position and normal, relative to the scene's bounding sphere"),
+    buffer_out("elements", 48, "vec4 elements[];", "position and normals, relative to the scene's bounding sphere"),
     buffer_out("sums", 32, "vec4 sums[];", "weight, open weight, tests; open direction"),
     image_out_sized("depth_maps", VK_FORMAT_D32_SFLOAT, 1, 1, "of the directions of a slice, reversed depth"),
     image_out_sized("target", VK_FORMAT_R8G8B8A8_UNORM, 1, 1, "split_ramp, gpu_compare: halves of weight and sample"),
@@ -34,6 +34,7 @@ constexpr heddle_port kPorts[] = {
 constexpr const char* kPipelines[] = {"float_sums", "split_ramp", "gpu_compare", "cpu_compare", nullptr};
 enum : std::uint32_t { kFloatSums, kSplitRamp, kGpuCompare, kCpuCompare };
 constexpr const char* kElementKinds[] = {"lattice", "vertices", "texels", nullptr};
+constexpr const char* kDetails[] = {"none", "normal_map", "fine_vertices", "fine_points", nullptr};
 constexpr const char* kSets[] = {"fibonacci", "random", nullptr};
 constexpr const char* kDepthFormats[] = {"d32", "d16", "d8", "d24", nullptr};
 enum : std::uint32_t { kD32, kD16, kD8, kD24 };
@@ -55,6 +56,15 @@ constexpr heddle_parameter kParameters[] = {
                    HEDDLE_PARAMETER_REDECLARE),
          kSpacingLadder),
     parameter("inset", "1", 0, 0.5, 0.1, "of the spacing: how far elements lie off the rims of smooth parts",
+              HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
+    choice("detail", kDetails, 0,
+           "what relief an element has beside its mesh's: normal_map: its material's, which weighs directions, while "
+           "the mesh "
+           "alone occludes; fine_vertices: that of vertices of finer instances (component mesh_detail.fine), carried "
+           "over; "
+           "fine_points: it lies on them",
+           HEDDLE_PARAMETER_REDECLARE),
+    parameter("reach", "m", 1e-6, 1e4, 0.1, "from a surface, to both sides, at which its finer one is looked for",
               HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
     parameter("bias", "px", 0, 16, 1, "texels of a depth map along the surface that an element reaches over"),
     parameter("bias_limit", "1", 0, 1000, 8,
@@ -144,11 +154,7 @@ class DepthMaps {
                                 : pipeline_ == kSplitRamp ? host.integer("passes")
                                                           : 1;
     batch_ = static_cast<std::uint32_t>(std::min<std::uint64_t>(static_cast<std::uint64_t>(wanted), most));
-    ElementSettings settings;
-    settings.kind = static_cast<ElementKind>(host.choice("elements"));
-    settings.spacing = host.parameter("spacing");
-    settings.inset = host.parameter("inset");
-    set_ = make_elements(Meshes(host), settings);
+    if (const heddle_status status = make_elements(host, set_); status != HEDDLE_OK) return status;
     const std::uint64_t count = std::max<std::uint64_t>(set_.elements.size(), 1);
     heddle_shape maps{};
     maps.format = host.choice("depth_format") == kD16 ? VK_FORMAT_D16_UNORM : VK_FORMAT_D32_SFLOAT;
@@ -319,6 +325,7 @@ class DepthMaps {
     for (std::size_t e = 0; e < set_.elements.size(); ++e) {
       elements_[BAKE_VECTORS_PER_ELEMENT * e] = glm::vec4(set_.elements[e].position, 1.0F);
       elements_[BAKE_VECTORS_PER_ELEMENT * e + 1] = glm::vec4(set_.elements[e].normal, 0.0F);
+      elements_[BAKE_VECTORS_PER_ELEMENT * e + 2] = glm::vec4(set_.elements[e].facing, 0.0F);
     }
     std::memcpy(out.data, elements_.data(), elements_.size() * sizeof(glm::vec4));
     progress_ = {};
@@ -518,6 +525,9 @@ class DepthMaps {
          {"reached", set_.reached},
          {"texel", 2.0 * half_size_ / host.integer("resolution")},
          {"parts", static_cast<double>(set_.parts.size())},
+         {"mapped", static_cast<double>(set_.mapped)},
+         {"refined", static_cast<double>(set_.refined)},
+         {"missed", static_cast<double>(set_.missed)},
          {"parts_known", parts_.count(PartState::kKnown)},
          {"parts_open", parts_.count(PartState::kOpen)},
          {"parts_settled", parts_.count(PartState::kSettled)},
@@ -545,9 +555,13 @@ class DepthMaps {
   Progress progress_;
 };
 
-constexpr heddle_technique kDepthMaps =
-    technique<DepthMaps>("bake_visibility/depth_maps", "Occlusion of all surfaces by depth maps from all around",
-                         "Hill 2004, Hardware Accelerating Art Production", kPorts, kParameters, kStages, kShaders);
+constexpr heddle_technique kDepthMaps = [] {
+  heddle_technique t =
+      technique<DepthMaps>("bake_visibility/depth_maps", "Occlusion of all surfaces by depth maps from all around",
+                           "Hill 2004, Hardware Accelerating Art Production", kPorts, kParameters, kStages, kShaders);
+  t.components = fine_instances::kComponent;
+  return t;
+}();
 
 }  // namespace
 

@@ -15,6 +15,7 @@ void main() {
   if (element >= push.element_count) return;
   vec4 position = elements[BAKE_VECTORS_PER_ELEMENT * element];
   vec4 normal = elements[BAKE_VECTORS_PER_ELEMENT * element + 1u];
+  vec4 facing = elements[BAKE_VECTORS_PER_ELEMENT * element + 2u];
   int side = size_depth_maps().x;
   // The slice by itself first: what is added to the long sums is as large as they are, or nearly (H10).
   vec4 slice = vec4(0.0);
@@ -25,12 +26,14 @@ void main() {
     float h = cosine(normal, direction);
     if (!(h > 0.0)) continue;
     slice.x += h;
+    float slope = cosine(facing, direction);
+    if (!(slope > 0.0)) continue;
     ivec2 texel = ivec2(texel_of(project(directions[at], position), side),
                         texel_of(project(directions[at + 1u], position), side));
     bool is_in = min(texel.x, texel.y) >= 0 && max(texel.x, texel.y) < side;
     bool is_free = true;
     if (is_in) {
-      float bias = depth_bias(h, push.bias_slope, push.bias_constant, push.bias_limit);
+      float bias = depth_bias(slope, push.bias_slope, push.bias_constant, push.bias_limit);
       is_free = is_open(project(directions[at + 2u], position), fetch_depth_maps(texel, int(i)).x, bias,
                         push.depth_steps);
       slice.z += 1.0;

@@ -21,9 +21,10 @@ void main() {
   ivec2 texel = ivec2(texel_of(project(directions[at], position), side),
                       texel_of(project(directions[at + 1u], position), side));
   bool is_in = min(texel.x, texel.y) >= 0 && max(texel.x, texel.y) < side;
-  bool is_free = true;
-  if (is_in) {
-    float bias = depth_bias(h, push.bias_slope, push.bias_constant, push.bias_limit);
+  float slope = cosine(elements[BAKE_VECTORS_PER_ELEMENT * element + 2u], directions[at + 3u]);
+  bool is_free = slope > 0.0;
+  if (is_free && is_in) {
+    float bias = depth_bias(slope, push.bias_slope, push.bias_constant, push.bias_limit);
     is_free = is_open(project(directions[at + 2u], position), fetch_depth_maps(texel, int(push.layer)).x, bias,
                       push.depth_steps);
   }

@@ -4,7 +4,8 @@
 #define HEDDLE_BAKE_HEMICUBE_PARAMS_H
 
 #define HEMICUBE_GROUP_SIZE 64
-// vec4 of an element: two tangents and the normal, world axes, orthonormal
+// vec4 of an element: two tangents and the normal, world axes, orthonormal; w: how much of each the surface's own
+// normal is
 #define HEMICUBE_VECTORS_PER_ELEMENT 3
 // vec4 of an element's sums: (weight, open, 0, 0), (open weight times direction, 0)
 #define HEMICUBE_VECTORS_PER_SUM 2

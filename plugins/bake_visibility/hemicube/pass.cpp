@@ -24,13 +24,14 @@ constexpr heddle_port kPorts[] = {
     surfaces_in("surfaces", "what occludes: opaque and masked batches"),
     port("occlusion", HEDDLE_PORT_ARTIFACT, HEDDLE_OUT, "visibility and mean open direction of every element"),
     port("report", HEDDLE_PORT_REPORT, HEDDLE_OUT, "how much was asked, and what could not be done as wished"),
-    buffer_out("elements", 48, "vec4 elements[];", "tangents and normal"),
+    buffer_out("elements", 48, "vec4 elements[];", "tangents and normal, and each's part of the surface's own normal"),
     buffer_out("weights", 4, "float weights[];", "of each pixel of a tile, of the cosine-weighted hemisphere"),
     buffer_out("sums", 32, "vec4 sums[];", "weight, open weight; open direction"),
     image_out_sized("depth_maps", VK_FORMAT_D32_SFLOAT, 1, 1, "five faces of an element of the slice, reversed depth"),
 };
 
 constexpr const char* kElementKinds[] = {"lattice", "vertices", "texels", nullptr};
+constexpr const char* kDetails[] = {"none", "normal_map", "fine_vertices", "fine_points", nullptr};
 constexpr const char* kCasters[] = {"both_sides", "fronts", nullptr};
 constexpr double kResolutionLadder[] = {8, 16, 32, 64, 128};
 constexpr double kSpacingLadder[] = {1, 0.5, 0.25, 0.125};
@@ -46,6 +47,15 @@ constexpr heddle_parameter kParameters[] = {
                    HEDDLE_PARAMETER_REDECLARE),
          kSpacingLadder),
     parameter("inset", "1", 0, 0.5, 0.1, "of the spacing: how far elements lie off the rims of smooth parts",
+              HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
+    choice("detail", kDetails, 0,
+           "what relief an element has beside its mesh's: normal_map: its material's, which weighs directions, while "
+           "the mesh "
+           "alone occludes; fine_vertices: that of vertices of finer instances (component mesh_detail.fine), carried "
+           "over; "
+           "fine_points: it lies on them",
+           HEDDLE_PARAMETER_REDECLARE),
+    parameter("reach", "m", 1e-6, 1e4, 0.1, "from a surface, to both sides, at which its finer one is looked for",
               HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
     choice("casters", kCasters, 0, "what occludes of surfaces that are not double-sided: both sides, or fronts alone"),
     toggle("turned", true, "each hemicube about its normal by an angle of its own: noise in place of bands"),
@@ -88,11 +98,7 @@ class Hemicube {
   heddle_status declare(const PassHost& host) {
     side_ = 2 * ((static_cast<std::uint32_t>(host.integer("resolution")) + 1) / 2);
     const std::uint64_t most = std::max<std::uint64_t>(kMostMapBytes / (12ULL * side_ * side_), 1);
-    ElementSettings settings;
-    settings.kind = static_cast<ElementKind>(host.choice("elements"));
-    settings.spacing = host.parameter("spacing");
-    settings.inset = host.parameter("inset");
-    set_ = make_elements(Meshes(host), settings);
+    if (const heddle_status status = make_elements(host, set_); status != HEDDLE_OK) return status;
     const std::uint64_t count = std::max<std::uint64_t>(set_.elements.size(), 1);
     batch_ = static_cast<std::uint32_t>(std::min({static_cast<std::uint64_t>(host.integer("batch")), most, count}));
     heddle_shape maps{};
@@ -164,7 +170,9 @@ class Hemicube {
     std::vector<glm::vec4> rows;
     for (const std::uint32_t e : asked_) {
       const glm::dmat3 axes = axes_of(host, set_.elements[e]);
-      for (int axis = 0; axis < 3; ++axis) rows.emplace_back(glm::vec3(axes[axis]), 0.0F);
+      const glm::dvec3 facing(set_.elements[e].facing);
+      for (int axis = 0; axis < 3; ++axis)
+        rows.emplace_back(glm::vec3(axes[axis]), static_cast<float>(glm::dot(facing, axes[axis])));
     }
     if (rows.empty()) rows.assign(HEMICUBE_VECTORS_PER_ELEMENT, glm::vec4(0.0F));
     const std::vector<double> exact = hemicube::weights(side_);
@@ -185,7 +193,7 @@ class Hemicube {
   [[nodiscard]] double lift() const { return kRounding * 2 * set_.radius; }
   /// One face of an element. Relative to the scene's centre, as all views are, so that instances are placed once.
   [[nodiscard]] HeddleView view_of(const Element& element, const glm::dmat3& axes, const hemicube::Face& face) const {
-    const glm::dvec3 eye = glm::dvec3(element.position) + lift() * axes[2];
+    const glm::dvec3 eye = glm::dvec3(element.position) + lift() * glm::normalize(glm::dvec3(element.facing));
     const glm::dmat3 turn(axes * face.right, axes * face.up, axes * -face.forward);
     glm::dmat4 rel_from_view(turn);
     rel_from_view[3] = glm::dvec4(eye, 1.0);
@@ -277,6 +285,9 @@ class Hemicube {
                                                 {"faces", static_cast<double>(faces)},
                                                 {"submissions", std::ceil(static_cast<double>(asked_.size()) / batch_)},
                                                 {"parts", static_cast<double>(set_.parts.size())},
+                                                {"mapped", static_cast<double>(set_.mapped)},
+                                                {"refined", static_cast<double>(set_.refined)},
+                                                {"missed", static_cast<double>(set_.missed)},
                                                 {"parts_known", parts_.count(PartState::kKnown)},
                                                 {"parts_open", parts_.count(PartState::kOpen)},
                                                 {"spacing", set_.spacing},
@@ -294,10 +305,14 @@ class Hemicube {
   std::vector<Sums> sums_;
 };
 
-constexpr heddle_technique kHemicube =
-    technique<Hemicube>("bake_visibility/hemicube", "Occlusion of all surfaces by five drawings from every element",
-                        "Cohen and Greenberg 1985, The Hemi-Cube; Hill 2004, Hardware Accelerating Art Production",
-                        kPorts, kParameters, kStages, kShaders);
+constexpr heddle_technique kHemicube = [] {
+  heddle_technique t =
+      technique<Hemicube>("bake_visibility/hemicube", "Occlusion of all surfaces by five drawings from every element",
+                          "Cohen and Greenberg 1985, The Hemi-Cube; Hill 2004, Hardware Accelerating Art Production",
+                          kPorts, kParameters, kStages, kShaders);
+  t.components = fine_instances::kComponent;
+  return t;
+}();
 
 }  // namespace
 

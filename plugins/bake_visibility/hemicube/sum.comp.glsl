@@ -28,6 +28,8 @@ void main() {
   uint layer = gl_WorkGroupID.x, lane = gl_LocalInvocationID.x;
   uint element = push.first_element + layer;
   int side = int(push.side);
+  uint first = HEMICUBE_VECTORS_PER_ELEMENT * element;
+  vec3 facing = vec3(elements[first].w, elements[first + 1u].w, elements[first + 2u].w);
   vec4 open = vec4(0.0);
   float weight = 0.0;
   for (uint i = lane; i < 3u * push.side * push.side; i += HEMICUBE_GROUP_SIZE) {
@@ -35,7 +37,8 @@ void main() {
     float w = weights[i];
     weight += w;
     // 0 is what the maps were cleared to: nothing is in the way, however far.
-    if (fetch_depth_maps(pixel, int(layer)).x == 0.0) open += w * vec4(direction_of(pixel, side), 1.0);
+    vec3 direction = direction_of(pixel, side);
+    if (fetch_depth_maps(pixel, int(layer)).x == 0.0 && dot(direction, facing) > 0.0) open += w * vec4(direction, 1.0);
   }
   partial[lane] = open;
   partial_weight[lane] = weight;
@@ -49,7 +52,6 @@ void main() {
   }
   if (lane > 0u) return;
   vec4 sum = partial[0];
-  uint first = HEMICUBE_VECTORS_PER_ELEMENT * element;
   vec3 bent = sum.x * elements[first].xyz + sum.y * elements[first + 1u].xyz + sum.z * elements[first + 2u].xyz;
   sums[HEMICUBE_VECTORS_PER_SUM * element] += vec4(partial_weight[0], sum.w, 0.0, 0.0);
   sums[HEMICUBE_VECTORS_PER_SUM * element + 1u] += vec4(bent, 0.0);

@@ -20,6 +20,7 @@ constexpr heddle_port kPorts[] = {
     port("report", HEDDLE_PORT_REPORT, HEDDLE_OUT, "how much was asked, and what could not be done as wished"),
 };
 constexpr const char* kElementKinds[] = {"lattice", "vertices", "texels", nullptr};
+constexpr const char* kDetails[] = {"none", "normal_map", "fine_vertices", "fine_points", nullptr};
 constexpr const char* kSets[] = {"fibonacci", "random", nullptr};
 constexpr double kDirectionLadder[] = {64, 256, 1024, 4096, 16384};
 constexpr double kSpacingLadder[] = {1, 0.5, 0.25, 0.125};
@@ -31,6 +32,13 @@ constexpr heddle_parameter kParameters[] = {
            "else uv0)"),
     knob(parameter("spacing", "m", 1e-4, 1e4, 0.25, "between elements, at most"), kSpacingLadder),
     parameter("inset", "1", 0, 0.5, 0.1, "of the spacing: how far elements lie off the rims of smooth parts"),
+    choice("detail", kDetails, 0,
+           "what relief an element has beside its mesh's: normal_map: its material's, which weighs directions, while "
+           "the mesh "
+           "alone occludes; fine_vertices: that of vertices of finer instances (component mesh_detail.fine), carried "
+           "over; "
+           "fine_points: it lies on them"),
+    parameter("reach", "m", 1e-6, 1e4, 0.1, "from a surface, to both sides, at which its finer one is looked for"),
     choice("set", kSets, 0, "of directions: even, or independent of each other"),
     integer("seed", "1", 0, 1'000'000, 0, "turns the even set, chooses the random one"),
     toggle("find_open", true, "parts that nothing rises above are open without a look"),
@@ -176,11 +184,7 @@ class RayTraced {
  private:
   heddle_status begin(const Frame& frame) {
     const PassHost host = frame.host();
-    ElementSettings settings;
-    settings.kind = static_cast<ElementKind>(host.choice("elements"));
-    settings.spacing = host.parameter("spacing");
-    settings.inset = host.parameter("inset");
-    set_ = make_elements(Meshes(host), settings);
+    if (const heddle_status status = make_elements(host, set_); status != HEDDLE_OK) return status;
     directions_.clear();
     for (const glm::dvec3& s :
          directions(static_cast<std::uint32_t>(host.integer("directions")),
@@ -203,7 +207,7 @@ class RayTraced {
 
   [[nodiscard]] Sums ask(const Element& element) const {
     Sums sums;
-    const glm::vec3 from(glm::dvec3(element.position) + glm::dvec3(element.normal) * occluders_->lift());
+    const glm::vec3 from(glm::dvec3(element.position) + glm::dvec3(element.facing) * occluders_->lift());
     std::array<glm::vec3, kPacket> packet;
     std::array<double, kPacket> weights{};
     std::size_t count = 0;
@@ -221,6 +225,10 @@ class RayTraced {
     for (const glm::vec3& s : directions_) {
       const double h = glm::dot(glm::dvec3(element.normal), glm::dvec3(s));
       if (!(h > 0)) continue;
+      if (!(glm::dot(glm::dvec3(element.facing), glm::dvec3(s)) > 0)) {
+        sums.weight += h;
+        continue;
+      }
       weights[count] = h;
       packet[count++] = s;
       if (count == kPacket) trace();
@@ -241,6 +249,9 @@ class RayTraced {
                                                 {"spacing", set_.spacing},
                                                 {"reached", set_.reached},
                                                 {"parts", static_cast<double>(set_.parts.size())},
+                                                {"mapped", static_cast<double>(set_.mapped)},
+                                                {"refined", static_cast<double>(set_.refined)},
+                                                {"missed", static_cast<double>(set_.missed)},
                                                 {"parts_known", parts_.count(PartState::kKnown)},
                                                 {"parts_open", parts_.count(PartState::kOpen)},
                                                 {"pairs", static_cast<double>(asked_.size() * directions_.size())},
@@ -265,6 +276,7 @@ constexpr heddle_technique kRayTraced = [] {
       "Zhukov, Iones and Kronin 1998, An Ambient Light Illumination Model; Wald et al. 2014, Embree", kPorts,
       kParameters, kStages);
   t.flags = HEDDLE_TECHNIQUE_REFERENCE;
+  t.components = fine_instances::kComponent;
   return t;
 }();
 

@@ -52,14 +52,17 @@ struct Result {
   std::string origin;
 };
 
-inline std::string job(const std::string& technique) {
-  return "kind = \"job\"\n[[pass]]\nname = \"bake\"\nrole = \"bake_visibility\"\ntechnique = \"" + technique + "\"\n";
+/// `above`: passes before the one that bakes.
+inline std::string job(const std::string& technique, const std::string& above = {}) {
+  return "kind = \"job\"\n" + above + "[[pass]]\nname = \"bake\"\nrole = \"bake_visibility\"\ntechnique = \"" +
+         technique + "\"\n";
 }
 
 /// `settings`: parameters, "spacing=1".
-inline Result bake(Scene& scene, const std::string& technique, std::vector<std::string> settings) {
+inline Result bake(Scene& scene, const std::string& technique, std::vector<std::string> settings,
+                   const std::string& above = {}) {
   for (std::string& setting : settings) setting.insert(0, "bake.params.");
-  const Graph graph(job(technique), settings);
+  const Graph graph(job(technique, above), settings);
   const char* text = nullptr;
   check(heddle_job_run(graph.handle, scene.handle, nullptr, &text));
   Result result;

@@ -48,7 +48,8 @@ std::vector<std::string> role_names() {
   for (const auto& entry : fs::directory_iterator(fs::path(HEDDLE_SOURCE_DIR) / "plugins")) {
     // Roles that make surfaces or artifacts have no template, which tests below show.
     const std::string name = entry.path().filename();
-    const bool has_template = name != "subdivision" && name != "bake_visibility" && name != "texture_store";
+    const bool has_template =
+        name != "subdivision" && name != "mesh_detail" && name != "bake_visibility" && name != "texture_store";
     if (has_template && fs::exists(entry.path() / "role.toml")) names.push_back(entry.path().filename());
   }
   return names;
@@ -310,12 +311,13 @@ TEST_F(Generated, FoldersHoldWhatTheStyleAsksFor) {
 TEST(NewTechnique, RefusesAnUnknownRole) {
   const Ran ran = new_technique("shadwo soft --folder /nowhere");
   EXPECT_EQ(ran.status, HEDDLE_BAD_INPUT);
-  EXPECT_EQ(ran.output,
-            "error: there is no role 'shadwo'\n"
-            "  expected: one of ambient_occlusion, antialiasing, bake_visibility, display, function_image, gbuffer, "
-            "light_assignment, light_count, lighting, ray_tracing, shadow, sky, subdivision, surface_material, "
-            "surface_program, texture_source, texture_store, transparency\n"
-            "  help:     a new role begins with a role.toml in a folder of its own\n");
+  EXPECT_EQ(
+      ran.output,
+      "error: there is no role 'shadwo'\n"
+      "  expected: one of ambient_occlusion, antialiasing, bake_visibility, display, function_image, gbuffer, "
+      "light_assignment, light_count, lighting, mesh_detail, ray_tracing, shadow, sky, subdivision, surface_material, "
+      "surface_program, texture_source, texture_store, transparency\n"
+      "  help:     a new role begins with a role.toml in a folder of its own\n");
 }
 
 TEST(NewTechnique, HasNoTemplateForRolesThatMakeSurfaces) {
