@@ -342,8 +342,7 @@ class Virtual {
     const std::size_t before = asked_.size();
     // More than there are slots would only be coarsened.
     for (UvTree& tree : trees_) tree.query(looker, bias, std::size_t{in_row_} * in_row_ * kMostTimesSlots, asked_);
-    if (const auto* counters = host.service<heddle_counters_service>(HEDDLE_COUNTERS_SERVICE); counters != nullptr)
-      counters->add(host.raw(), "tiles_named", asked_.size() - before);
+    tell(host, "tiles_named", asked_.size() - before);
     return HEDDLE_OK;
   }
 
@@ -377,9 +376,12 @@ class Virtual {
     clock_ = last_birth_ = 0;
   }
 
+  static void tell(const PassHost& host, const char* name, std::uint64_t number) {
+    if (const auto* counters = host.service<heddle_counters_service>(HEDDLE_COUNTERS_SERVICE); counters != nullptr)
+      counters->add(host.raw(), name, number);
+  }
+
   void count(const PassHost& host) {
-    const auto* counters = host.service<heddle_counters_service>(HEDDLE_COUNTERS_SERVICE);
-    if (counters == nullptr) return;
     const std::pair<const char*, std::uint64_t> counts[] = {
         {"tiles_uploaded", changes_.uploads.size()},
         {"tiles_evicted", changes_.evictions},
@@ -389,7 +391,7 @@ class Virtual {
         {"table_edits", changes_.edits.size()},
         {"level_bias", changes_.bias},
     };
-    for (const auto& [name, number] : counts) counters->add(host.raw(), name, number);
+    for (const auto& [name, number] : counts) tell(host, name, number);
     if (!reader_) return;
     heddle_store_counts read{};
     read.struct_size = sizeof read;
@@ -401,7 +403,7 @@ class Virtual {
         {"bytes_used", read.bytes_used - std::exchange(counted_.bytes_used, read.bytes_used)},
         {"reads_waited_for", read.waits - std::exchange(counted_.waits, read.waits)},
     };
-    for (const auto& [name, number] : reads) counters->add(host.raw(), name, number);
+    for (const auto& [name, number] : reads) tell(host, name, number);
   }
 
   [[nodiscard]] bool is_vertex_centred(std::uint32_t texture) const {
@@ -466,6 +468,7 @@ class Virtual {
       at += tile_bytes();
       if (reader_) reader_->release(frame.host(), one.tile);
     }
+    tell(frame.host(), "tile_bytes_staged", at);
     return HEDDLE_OK;
   }
 
@@ -502,6 +505,7 @@ class Virtual {
       regions.push_back(region);
     }
     const std::size_t at_once = frame.host().choice("copies") == 0 ? std::max<std::size_t>(regions.size(), 1) : 1;
+    tell(frame.host(), "tile_copies", (regions.size() + at_once - 1) / at_once);
     for (std::size_t first = 0; first < regions.size(); first += at_once)
       frame.vulkan().CmdCopyBufferToImage(frame.command_buffer(), frame.buffer("tile_staging"),
                                           frame.image("tile_cache"), VK_IMAGE_LAYOUT_TRANSFER_DST_OPTIMAL,
@@ -566,9 +570,7 @@ class Virtual {
         sent += 4 * count;
       }
     }
-    if (const auto* counters = frame.host().service<heddle_counters_service>(HEDDLE_COUNTERS_SERVICE);
-        counters != nullptr)
-      counters->add(frame.host().raw(), "table_bytes_sent", sent);
+    tell(frame.host(), "table_bytes_sent", sent);
     return HEDDLE_OK;
   }
 

@@ -482,6 +482,7 @@ TEST(TextureSource, EveryWayOfCopyingAndOfEditingTheTableGivesTheSameBytes) {
   constexpr std::uint32_t kExtent = 16384;
   TextureScene scene(R"({"source": "uvgrid", "extent": 16384})");
   std::vector<std::vector<float>> expected;
+  std::uint64_t most_tiles = 0;
   for (const char* table : {"gpu", "cpu"}) {
     for (const char* copies : {"one_copy", "copy_each"}) {
       Graph graph(
@@ -490,6 +491,7 @@ TEST(TextureSource, EveryWayOfCopyingAndOfEditingTheTableGivesTheSameBytes) {
                                      table + "\"\nparams.copies = \"" + copies + "\"\n"));
       std::mt19937 random(12);
       std::uint64_t sent = 0, evicted = 0;
+      const std::uint64_t tile_bytes = 136 * 136 * 4;
       Camera camera;
       for (std::size_t frame = 0; frame < 48; ++frame) {
         if (frame % 8 == 0) camera = camera_at(random, std::exp2(6 * static_cast<double>(random()) * 0x1p-32), kExtent);
@@ -497,6 +499,12 @@ TEST(TextureSource, EveryWayOfCopyingAndOfEditingTheTableGivesTheSameBytes) {
         render(graph, scene.scene);
         const auto now = counts(graph);
         evicted += now.at("tiles_evicted");
+        // What a frame costs is that of a tile for each that comes, or a command for all.
+        const std::uint64_t tiles = now.at("tiles_uploaded");
+        const auto count = [&](const char* name) { return now.contains(name) ? now.at(name) : 0; };
+        EXPECT_EQ(count("tile_bytes_staged"), tiles * tile_bytes) << frame;
+        EXPECT_EQ(count("tile_copies"), std::string(copies) == "copy_each" ? tiles : std::min<std::uint64_t>(tiles, 1));
+        most_tiles = std::max(most_tiles, tiles);
         if (const auto found = now.find("table_bytes_sent"); found != now.end()) sent += found->second;
         if (expected.size() <= frame)
           expected.push_back(graph.read().pixels);
@@ -509,6 +517,7 @@ TEST(TextureSource, EveryWayOfCopyingAndOfEditingTheTableGivesTheSameBytes) {
       EXPECT_EQ(sent > 0, std::string(table) == "cpu");
     }
   }
+  EXPECT_EQ(most_tiles, 5U) << "of none to all that may come in a frame";
 }
 
 TEST(TextureSource, ATreeNeedsAViewInPerspective) {

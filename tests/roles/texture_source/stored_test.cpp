@@ -149,6 +149,99 @@ TEST(StoredTexture, ReadsWholeClustersAndLittleMoreThanItNeeds) {
   EXPECT_LE(in_flight, 4U * 3U);
 }
 
+/// What is made while it lives is a live host's.
+class LiveHost {
+ public:
+  LiveHost() : other_(Host::get().handle) {
+    const std::string path = HEDDLE_BUILD_DIR "/lib/heddle/plugins:" HEDDLE_BUILD_DIR "/tests/plugins";
+    heddle_host_options options{};
+    options.struct_size = sizeof options;
+    options.flags = HEDDLE_HOST_LIVE;
+    options.plugin_path = path.c_str();
+    EXPECT_EQ(heddle_create(&options, &Host::get().handle), HEDDLE_OK);
+  }
+  ~LiveHost() { heddle_destroy(std::exchange(Host::get().handle, other_)); }
+  LiveHost(const LiveHost&) = delete;
+  LiveHost& operator=(const LiveHost&) = delete;
+
+ private:
+  heddle_host* other_;
+};
+
+TEST(StoredTexture, AFrameOfALiveHostNeverWaitsForTheDisk) {
+  const std::string job =
+      storing::job_file("live.toml", "params.source = \"ramp\"\nparams.extent = 2048\nparams.tile = \"64\"\n");
+  const LiveHost live;
+  TextureScene scene(R"({"source": "stored"})");
+  Graph graph(probe_graph("virtual", bound(job) + "params.spacing = \"2\"\nparams.uploads = 32\nparams.window = 8\n"
+                                                  "params.read_frames = 1\n"));
+  std::mt19937 random(6);
+  std::uint64_t waits = 0, requested = 0, uploaded = 0;
+  for (int frame = 0; frame < 40; ++frame) {
+    // Another place in each tenth frame: what is on its way is not wanted any more.
+    if (frame % 10 == 0) look(graph, camera_at(random, 1.5, 2048));
+    render(graph, scene.scene);
+    const auto now = counts(graph);
+    // The root comes when the store is opened: without it there would be nothing to show.
+    if (frame > 0) waits += now.at("reads_waited_for");
+    requested += now.at("tiles_requested");
+    uploaded += now.at("tiles_uploaded");
+    EXPECT_EQ(now.at("bytes_read") % 4096, 0U) << frame;
+  }
+  EXPECT_EQ(waits, 0U);
+  EXPECT_GT(requested, 20U);
+  EXPECT_GT(uploaded, 20U);
+}
+
+TEST(StoredTexture, ChartsCornersKeepTheirColourInAllLevelsOfOddKernels) {
+  // Each texel of level 0 is one code away from the next, so codes tell how far a level's texels lie from where they
+  // should be. A corner of a chart is a texel, and levels up to the fourth have one there.
+  constexpr int kLevels = 4;
+  for (const char* kernel : {"gauss3", "gauss5", "sharpen5", "box2", "gauss4", "sharpen4"}) {
+    const bool is_odd = std::string(kernel).back() != '2' && std::string(kernel).back() != '4';
+    const std::string job = storing::job_file(
+        "charts.toml", std::string("params.source = \"ramp\"\nparams.extent = 2048\nparams.compression = \"none\"\n"
+                                   "params.kernel = \"") +
+                           kernel + "\"\n");
+    double worst = 0;
+    std::array<double, kLevels + 1> drift{};
+    int corners = 0;
+    for (const auto& [x, y] : {std::pair(1024, 256), std::pair(256, 1024)}) {
+      TextureScene scene(R"({"source": "stored", "chart_size": 256, "chart_x": )" + std::to_string(x) +
+                         R"(, "chart_y": )" + std::to_string(y) + "}");
+      Graph paged(probe_graph("virtual", bound(job) + kQuick + "params.filtering = \"nearest\"\n"));
+      std::array<double, 2> at_first{};
+      for (int level = 0; level <= kLevels; ++level) {
+        // Derivatives of a level's texel, all pixels at the corner itself: but for the first there is nothing to see.
+        const double step = (1 << level) * 0.999 / 256;
+        look(paged, {{0, 0}, {as_float(step), 0}, {0, as_float(step)}});
+        settle(paged, scene.scene);
+        const Image image = paged.image(scene.scene);
+        for (const std::uint32_t channel : {0U, 1U}) {
+          // Both places are far enough from where the ramp turns: what kernels see on both sides is straight.
+          const double code = code_at(image, 0, 0, channel);
+          if (level == 0) at_first[channel] = code;
+          const double slope = ((channel == 0 ? x : y) % 380) < 190 ? 1 : -1;
+          const double moved = (code - at_first[channel]) * slope;
+          worst = std::max(worst, std::abs(moved));
+          drift[static_cast<std::size_t>(level)] += moved;
+          corners += level == 0 ? 1 : 0;
+        }
+      }
+    }
+    ASSERT_EQ(corners, 4);
+    std::printf("%s: corners move by up to %.2f codes; in the mean", kernel, worst);
+    for (double& moved : drift) std::printf(" %.2f", moved /= corners);
+    std::printf("\n");
+    for (int level = 0; level <= kLevels; ++level) {
+      // Rounding to 8 bits in each level, and the ramp of codes being curved in linear light.
+      const double moved = drift[static_cast<std::size_t>(level)];
+      EXPECT_NEAR(moved, is_odd ? 0 : ((1 << level) - 1) / 2.0, 1) << kernel << ", level " << level;
+    }
+    EXPECT_EQ(worst < 0.01, is_odd) << kernel << ": the very code, of 8 bits";
+  }
+}
+
 TEST(StoredTexture, FramesRepeatToTheBitWhateverTheDiskDoes) {
   const std::string job =
       storing::job_file("again.toml", "params.source = \"road\"\nparams.extent = 1024\nparams.tile = \"64\"\n");
