@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from . import Error
-from .study import (PHYSICAL, REFERENCE_KEYS, TRUTHS, Reader, Reference, SceneChoice, absolute, check_extent, extended, load,
+from .study import (FUNCTION_PORT, PHYSICAL, REFERENCE_KEYS, TRUTHS, Reader, Reference, SceneChoice, absolute, check_extent, extended, load,
                     rung_values, slug, swap)
 
 
@@ -109,8 +109,10 @@ def read_physical(reader: Reader, graph: str, settings: tuple[str, ...], own: tu
         reader.fail(("reference", "truth"), f"role '{role}' names {name} as its physical reference, and no port of it that shows "
                     "what is compared", help="[reference] with technique, graph or set")
         return None
-    if port is not None and port != f"{pass_name}.{measured}":
-        reader.fail(("reference", "truth"), f"the physical reference of role '{role}' shows what '{pass_name}.{measured}' does",
+    # What a function answers is compared as an image of its own.
+    shown = f"{pass_name}.{measured}" if measured else FUNCTION_PORT
+    if port is not None and port != shown:
+        reader.fail(("reference", "truth"), f"the physical reference of role '{role}' shows what '{shown}' does",
                     found=f"port = \"{port}\"", expected="no 'port' at the top, or that one")
         return None
     described = load(reader, ("reference",), graph, settings)

@@ -73,10 +73,8 @@ def test_mistakes_are_said_at_their_lines(host, tmp_path, before, after, place, 
 
 @pytest.mark.parametrize(("role", "message"), [
     ("sky", "role 'sky' names no physical reference\n"
-     "  expected: a role that does: ambient_occlusion, lighting, ray_tracing, transparency\n"
+     "  expected: a role that does: ambient_occlusion, lighting, ray_tracing, shadow, transparency\n"
      "  help:     [reference] with technique, graph or set"),
-    ("shadow", "role 'shadow' names ray_tracing/path_tracer as its physical reference, and no port of it that shows what is "
-     "compared\n  help:     [reference] with technique, graph or set"),
 ])
 def test_a_role_without_a_physical_reference_is_said_before_anything_renders(host, tmp_path, role, message):
     text = f'reference = "physical"\nrole = "{role}"\n[[scene]]\nfile = "cornell_box.py"\n[[variant]]\nname = "it"\n'
@@ -114,6 +112,48 @@ def test_a_role_alone_may_have_its_physical_reference(host):
     study = definition.of_role(host, "lighting", ["cornell_box.py"], ["extent=[32,18]"], reference="physical")
     assert study.port == "lighting.radiance" and study.reference.port == "physical.radiance"
     assert 'technique = "path_tracer"' in study.reference.adds and "physical.params.filter=point" in study.reference.settings
+
+
+def test_shadows_have_a_physical_reference_of_all_lights(host, tmp_path):
+    """Rays through the same triangles by two techniques of two roles: the mean over the lights of a scene with several."""
+    text = """\
+role = "shadow"
+set = ["extent=[48,27]"]
+metrics = ["mean_difference", "rmse"]
+rounds = 7
+[[scene]]
+file = "street.py"
+arguments = { lights = 6 }
+[[variant]]
+name = "rays"
+technique = "ray_traced"
+set = ["shadow.params.samples=64"]
+[[variant]]
+name = "nobody"
+technique = "none"
+[reference]
+truth = "physical"
+set = ["physical.params.samples=256"]
+parts = 2
+"""
+    study = definition.read(host, written(tmp_path, text))
+    assert study.port == definition.FUNCTION_PORT and study.reference.port == "physical.shadow"
+    assert "physical.params.shadow_light=-2" in study.reference.settings
+    found = errors_of(study, host, tmp_path)
+    error = {name: float(np.median(each["seeds"]["rmse"])) for name, each in found.items()}
+    assert error["rays"] < 0.1 * error["nobody"]
+
+
+def errors_of(study, host, tmp_path):
+    executor = study_run.Here(None, 120, tmp_path, print, lambda: None)
+    try:
+        run = study_run.SceneRun(study, study.scenes[0], study_run.Store(tmp_path), argparse.Namespace(device=None, timeout=120),
+                                 tmp_path, host, executor, study_items.Contents(), print, lambda: None, math.inf)
+        run.identify()
+        run.measure_errors()
+    finally:
+        executor.close()
+    return run.errors
 
 
 def test_the_path_tracer_says_what_occlusion_is_and_how_sure_it_is_of_that(host, tmp_path):

@@ -23,6 +23,7 @@ constexpr std::uint32_t kMostSurfaces = 4096;
 constexpr double kLongestLife = 0.99;
 // How far before a light's shape, relative to its distance, a surface may stand that is its picture.
 constexpr double kShapeSlack = 1e-4;
+const dvec3 kLuminance(0.2126, 0.7152, 0.0722);
 // Float32 rays to a point end this much before it.
 constexpr double kEndSlack = 0x1p-20;
 
@@ -143,24 +144,50 @@ void Integrator::find_visibility(const Surface& surface, const Sampler& sampler,
       glm::dot(up, surface.facet) > 0.0 && !geometry->is_blocked({origin, up, settings.occlusion_radius}, counts.record)
           ? 1.0
           : 0.0;
-  for (const Light& light : emitters->lights()) {
-    const bool is_meant = settings.shadow_light < 0
-                              ? light.casts_shadow
-                              : light.record.id == static_cast<std::uint32_t>(settings.shadow_light);
-    if (!is_meant) continue;
-    const Arrival arrival =
-        light.has_size() ? sample_light(light, origin, sampler.pair(kVisibilityPair + 1), emitters->light_textures())
-                         : arrival_without_size(light, origin);
-    if (!(arrival.pdf > 0.0)) return;
-    ++counts.visibility_rays;
-    const double slack = light.is_shape() ? kShapeSlack : kEndSlack;
-    out.shadow =
-        glm::dot(arrival.direction, surface.facet) > 0.0 &&
-                !geometry->is_blocked({origin, arrival.direction, arrival.distance * (1.0 - slack)}, counts.record)
-            ? 1.0
-            : 0.0;
-    return;
+  const auto arrival_of = [&](const Light& light) {
+    return light.has_size() ? sample_light(light, origin, sampler.pair(kVisibilityPair + 1), emitters->light_textures())
+                            : arrival_without_size(light, origin);
+  };
+  const Light* meant = nullptr;
+  Arrival arrival;
+  if (settings.shadow_light == kShadowOfAll) {
+    // One of all, by what its sample sends to the surface: drawn in one walk, the number used up as it goes.
+    double sum = 0.0, u = sampler.pair(kVisibilityPair + 2).x;
+    for (const Light& light : emitters->lights()) {
+      const Arrival own = arrival_of(light);
+      const double facing = glm::dot(own.direction, surface.normal_geometric);
+      if (!(own.pdf > 0.0) || facing <= 0.0) continue;
+      const double sent = glm::dot(own.value, kLuminance) * facing / own.pdf;
+      if (!(sent > 0.0)) continue;
+      sum += sent;
+      const double share = sent / sum;
+      const bool is_drawn = u < share;
+      u = is_drawn ? u / share : (u - share) / (1.0 - share);
+      if (is_drawn) {
+        meant = &light;
+        arrival = own;
+      }
+    }
+    if (meant == nullptr || !meant->casts_shadow) return;
+  } else {
+    for (const Light& light : emitters->lights()) {
+      const bool is_it = settings.shadow_light < 0
+                             ? light.casts_shadow
+                             : light.record.id == static_cast<std::uint32_t>(settings.shadow_light);
+      if (!is_it) continue;
+      meant = &light;
+      arrival = arrival_of(light);
+      break;
+    }
+    if (meant == nullptr || !(arrival.pdf > 0.0)) return;
   }
+  ++counts.visibility_rays;
+  const double slack = meant->is_shape() ? kShapeSlack : kEndSlack;
+  out.shadow =
+      glm::dot(arrival.direction, surface.facet) > 0.0 &&
+              !geometry->is_blocked({origin, arrival.direction, arrival.distance * (1.0 - slack)}, counts.record)
+          ? 1.0
+          : 0.0;
 }
 
 Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Counts& counts) const {

@@ -7,6 +7,8 @@
 
 namespace heddle::path_tracer {
 
+constexpr std::int32_t kShadowOfAll = -2;  // of Settings::shadow_light
+
 struct Settings {
   Points points = Points::kSobol;
   std::uint32_t most_bounces = 0;   // times that light is reflected; 0: as often as it is
@@ -16,7 +18,7 @@ struct Settings {
   bool has_blended_shadows = true;  // light that passes through blended surfaces is tinted by them
   bool finds_visibility = false;    // occlusion and shadow below
   double occlusion_radius = 0.5;    // m
-  std::int32_t shadow_light = -1;   // HeddleLight::id; -1: the first that casts a shadow
+  std::int32_t shadow_light = -1;   // HeddleLight::id; -1: the first that casts a shadow; or kShadowOfAll
 };
 
 /// Of one sample; radiance is the sum of the first four.

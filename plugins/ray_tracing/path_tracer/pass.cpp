@@ -71,7 +71,8 @@ constexpr heddle_parameter kParameters[] = {
     toggle("blended_shadows", true, "light that passes through blended surfaces is tinted by them; else it is not"),
     toggle("visibility", false, "makes `occlusion` and `shadow` too, for up to two more rays a sample"),
     parameter("occlusion_radius", "m", 1e-6, 1e9, 0.5, "distance from which on a surface no longer occludes"),
-    integer("shadow_light", "1", -1, 1000000, -1, "whose shadow: the light's number; -1: the first that casts one"),
+    integer("shadow_light", "1", -2, 1000000, -1,
+            "whose shadow: the light's number; -1: the first that casts one; -2: of all, by what each sends"),
     knob(integer("sky_resolution", "px", 8, 8192, 256,
                  "rows of the image of the sky; an environment of more rows has its own"),
          kSkyLadder),
@@ -360,7 +361,8 @@ class PathTracer {
               std::to_string(high->id);
     }
     return host.fail(HEDDLE_BAD_INPUT, "shadow_light: no light has the number " + std::to_string(wanted) + "; " +
-                                           there + "; give one of them, or -1 for the first that casts a shadow");
+                                           there +
+                                           "; give one of them, -1 for the first that casts a shadow, or -2 for all");
   }
 
   [[nodiscard]] std::uint64_t hash_of(const heddle_snapshot& snapshot) const {

@@ -373,6 +373,33 @@ TEST(PathTracer, VisibilityIsThatOfTheRolesItIsTheTruthOf) {
   EXPECT_NEAR(lit, 0.5, 5e-3);
 }
 
+TEST(PathTracer, ShadowOfAllLightsIsTheirMeanByWhatTheySend) {
+  // Three lamps over a floor's middle, from above, from the side and from below; a roof hides the first. What they send
+  // there: 40 / 5^2, 100 / 50 cos 45 degrees; nothing from below.
+  const auto mean_shadow = [](bool is_first_casting) {
+    Scene scene;
+    scene.use_material(surface(0.5, 1.0, 0.0));
+    scene.add_floor({0, 0, 0}, 3.0);
+    scene.add_box({-0.5, 2, -0.5}, {0.5, 2.1, 0.5});
+    HeddleLight above = light(HEDDLE_LIGHT_POINT, {0, -1, 0}, 40.0);
+    if (!is_first_casting) above.flags &= ~static_cast<std::uint32_t>(HEDDLE_LIGHT_CASTS_SHADOW);
+    scene.add_light(above, {0, 5, 0});
+    scene.add_light(light(HEDDLE_LIGHT_POINT, {0, -1, 0}, 100.0), {5, 5, 0});
+    scene.add_light(light(HEDDLE_LIGHT_POINT, {0, 1, 0}, 1000.0), {0, -1, 0});
+    scene.look({0.9, 1, 0}, {0, 0, 0}, 1e-3);
+    Graph graph(graph_text(
+        "params.samples = 1024\nparams.visibility = true\nparams.shadow_light = -2\nparams.bounces = 1", "", 8));
+    double sum = 0.0;
+    const std::vector<Image> images = all_ports(graph, scene);
+    for (const float pixel : images[7].pixels) sum += static_cast<double>(pixel) / 64.0;
+    return sum;
+  };
+  const double hidden = 40.0 / 25.0, seen = 100.0 / 50.0 * std::sqrt(0.5);
+  // Binomial over 65,536 samples: 4 standard deviations are 8e-3 without a plan, and these are Sobol's points.
+  EXPECT_NEAR(mean_shadow(true), seen / (hidden + seen), 4e-3);
+  EXPECT_EQ(mean_shadow(false), 1.0);
+}
+
 TEST(PathTracer, VisibilityIsThatOfTheFirstSolidSurfaceBehindLayers) {
   // A floor in a closed box is neither open nor lit; the camera within it looks through two layers.
   const auto show = [](int layers) {
