@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Culling in whole frames: it touches no pixel, each view has its own, and the statistics say what it did.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <gmock/gmock.h>
@@ -19,7 +20,7 @@ class Culling : public testing::Test {
   static std::array<int, 2> drawn_and_culled(Graph& graph) {
     const char* text = nullptr;
     rendering::check(heddle_stats(graph.handle, &text));
-    const nlohmann::json instances = nlohmann::json::parse(text)["instances"];
+    const nlohmann::json instances = parsed::json(text)["instances"];
     return {instances["drawn"].get<int>(), instances["culled"].get<int>()};
   }
   static constexpr const char* kGbuffer =

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a check proves of lists: barriers round counts, memory under them, and that nobody sees the order of elements.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <gmock/gmock.h>
@@ -40,16 +41,16 @@ class Lists : public testing::Test {
 
 TEST_F(Lists, WithRoomKeepTheRules) {
   const nlohmann::json report =
-      nlohmann::json::parse(checked("shade", pass("find", "find", "params.room = 3840\n") +
-                                                 pass("more", "more", pixels("find") + "params.share = 300\n") +
-                                                 pass("shade", "shade", pixels("more"))));
+      parsed::json(checked("shade", pass("find", "find", "params.room = 3840\n") +
+                                        pass("more", "more", pixels("find") + "params.share = 300\n") +
+                                        pass("shade", "shade", pixels("more"))));
   // What both choose is drawn twice, with the same value.
   EXPECT_EQ(report["lists"], nlohmann::json::array({"find.pixels"}));
   EXPECT_EQ(report["overflowed"], 0);
 }
 
 TEST_F(Lists, ThatGrowAreComparedWhereTheyHaveRoom) {
-  const nlohmann::json report = nlohmann::json::parse(
+  const nlohmann::json report = parsed::json(
       checked("shade", pass("find", "find", "params.room = 64\n") + pass("shade", "shade", pixels("find"))));
   EXPECT_EQ(report["frames"], 4);
   EXPECT_EQ(report["overflowed"], 1);

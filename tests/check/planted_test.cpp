@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Techniques that break rules behind the graph's back: each is found by the check that is for it, and told with pass,
 // stage and port.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <gmock/gmock.h>
@@ -46,7 +47,7 @@ TEST_F(Planted, WhatKeepsTheRulesPasses) {
   const std::string passes =
       pass("one", "constant") + pass("two", "constant", "params.value = 2.0\n") + combine("one", "two");
   EXPECT_EQ(rendered(passes, "both.color"), "");
-  const nlohmann::json report = nlohmann::json::parse(checked(passes, "both.color"));
+  const nlohmann::json report = parsed::json(checked(passes, "both.color"));
   EXPECT_EQ(report["unordered_pairs"], 1);
   EXPECT_EQ(report["seen_both_ways"], 1);
   EXPECT_EQ(report["orders"], 2);

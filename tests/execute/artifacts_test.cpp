@@ -2,6 +2,7 @@
 // Cached stages through the C API: what is kept is used instead of work, by other hosts too; what the key holds, and
 // that a stage cannot see anything else; damage, cancelling, folders that cannot be written.
 #include "execute/cached_host.hpp"
+#include "parsed.hpp"
 
 namespace {
 
@@ -171,7 +172,7 @@ TEST_F(Artifacts, AreExplained) {
   EXPECT_THAT(text, testing::HasSubstr("sum.sum   waits for the gpu: reads what it made this frame"
                                        "   an artifact, kept on disk by numbers, scale, asks_for\n"));
   ASSERT_EQ(heddle_graph_explain(host.graph, "json", &text), HEDDLE_OK);
-  for (const Json& stage : Json::parse(text)["stages"])
+  for (const Json& stage : parsed::json(text)["stages"])
     EXPECT_EQ(stage["cached_by"], stage["stage"] == "sum" ? Json({"scale", "asks_for"}) : Json()) << stage;
 }
 

@@ -2,6 +2,8 @@
 // For tests of what is kept on disk: a host with a cache of the test's own, which listens to what is said.
 #pragma once
 
+#include "parsed.hpp"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <heddle/heddle.h>
@@ -66,7 +68,7 @@ class CachedHost {
   Json artifacts() {
     const char* text = nullptr;
     EXPECT_EQ(heddle_stats(graph, &text), HEDDLE_OK);
-    return Json::parse(text)["artifacts"];
+    return parsed::json(text)["artifacts"];
   }
   [[nodiscard]] std::ptrdiff_t count_said(const std::string& what) const {
     return std::ranges::count_if(log, [&](const std::string& line) { return line.find(what) != std::string::npos; });

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What techniques are told of images: neutral only where that is known, and never of what anything has drawn into.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <fmt/format.h>
@@ -21,7 +22,7 @@ std::string neutral(Graph& graph, Scene& scene) {
   graph.render(scene);
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  const nlohmann::json said = nlohmann::json::parse(text);
+  const nlohmann::json said = parsed::json(text);
   std::string out;
   for (const char* name : {"image", "other", "absent"})
     for (const auto& count : said["counts"])

@@ -2,6 +2,7 @@
 // Jobs through the C API: what they leave, from where, by what key; slices that are stopped, killed and gone on with;
 // what frame graphs take from them; mistakes.
 #include "execute/cached_host.hpp"
+#include "parsed.hpp"
 
 #include <sys/wait.h>
 #include <unistd.h>
@@ -32,7 +33,7 @@ class Host : public CachedHost {
   Json run(const heddle_render_options* options = nullptr) {
     const char* text = nullptr;
     EXPECT_EQ(heddle_job_run(graph, scene, options, &text), HEDDLE_OK) << error();
-    return text == nullptr ? Json() : Json::parse(text);
+    return text == nullptr ? Json() : parsed::json(text);
   }
   heddle_status try_run() {
     const char* text = nullptr;
@@ -128,8 +129,9 @@ TEST_F(Jobs, LeaveArtifactsAndReportsOnceAndThenTakeThemFromTheCache) {
   EXPECT_EQ(artifact["file"], files()[0].string());
   EXPECT_THAT(host.table(), ElementsAre(1, 2, 3, 4, 5, 6, 7, 8));
   ASSERT_EQ(made["reports"][0]["rows"].size(), 4U);
-  EXPECT_EQ(made["reports"][0]["rows"][2],
-            Json::parse(R"({"level": "info", "message": "a slice is done", "values": {"slice": 2.0, "of": "count"}})"));
+  EXPECT_EQ(
+      made["reports"][0]["rows"][2],
+      parsed::json(R"({"level": "info", "message": "a slice is done", "values": {"slice": 2.0, "of": "count"}})"));
   EXPECT_EQ(host.slices(), 4);
 
   EXPECT_EQ(host.run()["artifacts"][0]["origin"], "made") << "what this host made is there still";
@@ -151,7 +153,7 @@ TEST_F(Jobs, CountErrorsOfReportsAlsoFromTheCache) {
     EXPECT_EQ(result["errors"], 1);
     EXPECT_EQ(result["reports"][0]["origin"], origin);
     EXPECT_EQ(result["reports"][0]["rows"][4],
-              Json::parse(R"({"level": "error", "message": "it was asked to fail", "values": {"limit": "nan"}})"));
+              parsed::json(R"({"level": "error", "message": "it was asked to fail", "values": {"limit": "nan"}})"));
   }
 }
 
@@ -196,7 +198,7 @@ TEST_F(Jobs, AreKeptByTheLibraryThatMakesThem) {
     EXPECT_EQ(heddle_graph_parse(host, kCountJob, "job.toml", "", nullptr, 0, &graph), HEDDLE_OK) << heddle_error(host);
     const char* text = nullptr;
     EXPECT_EQ(heddle_job_run(graph, scene, nullptr, &text), HEDDLE_OK) << heddle_error(host);
-    const std::string from = Json::parse(text)["artifacts"][0]["origin"];
+    const std::string from = parsed::json(text)["artifacts"][0]["origin"];
     heddle_graph_destroy(graph);
     heddle_scene_destroy(scene);
     heddle_destroy(host);
@@ -718,7 +720,7 @@ TEST_F(Jobs, AreProvenInCheckModeWithoutTheCache) {
   EXPECT_EQ(host.slices(), 5);
   const char* text = nullptr;
   ASSERT_EQ(heddle_graph_check(host.graph, host.scene, nullptr, 3, &text), HEDDLE_OK) << host.error();
-  const Json report = Json::parse(text);
+  const Json report = parsed::json(text);
   EXPECT_EQ(report["compared"], Json({"sums.table"}));
   EXPECT_EQ(report["frames"], 1);
   EXPECT_GE(report["runs"], 2);
@@ -735,7 +737,7 @@ TEST_F(Jobs, AreProvenInAllTheirWaves) {
   ASSERT_EQ(host.parse(chain, "job.toml", folder_), HEDDLE_OK) << host.error();
   const char* text = nullptr;
   ASSERT_EQ(heddle_graph_check(host.graph, host.scene, nullptr, 1, &text), HEDDLE_OK) << host.error();
-  const Json report = Json::parse(text);
+  const Json report = parsed::json(text);
   EXPECT_EQ(report["compared"], Json({"count.table", "count.report", "more.table", "more.report", "sums.table"}));
   EXPECT_GT(report["orders"], 1) << "'count' and 'sums' wait for nothing of each other";
   EXPECT_EQ(report["unordered_pairs"], report["seen_both_ways"]);
@@ -752,8 +754,8 @@ TEST_F(Jobs, AreExplainedAndDescribed) {
   EXPECT_THAT(text, testing::StartsWith("job.toml: a job; keeps 'sums.table'\n"));
   EXPECT_THAT(text, HasSubstr("makes 'sums.table', which is asked for"));
   ASSERT_EQ(heddle_graph_describe(host.graph, &text), HEDDLE_OK);
-  EXPECT_EQ(Json::parse(text)["kind"], "job");
-  EXPECT_TRUE(Json::parse(text)["output"].is_null());
+  EXPECT_EQ(parsed::json(text)["kind"], "job");
+  EXPECT_TRUE(parsed::json(text)["output"].is_null());
   ASSERT_EQ(heddle_graph_get(host.graph, "kind", &text), HEDDLE_OK) << host.error();
   EXPECT_STREQ(text, "\"job\"");
   ASSERT_EQ(host.parse("extent = [8, 8]\noutput = \"show.color\"\n[[pass]]\nname = \"show\"\nrole = \"job_probe\"\n"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lists that shaders append to, against the same choice made here: counts, overflow, growth, order, and contents that
 // outgrow their memory.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <gmock/gmock.h>
@@ -60,7 +61,7 @@ Image frame(Graph& graph, Scene& scene, bool is_cut = false) {
 nlohmann::json stats(Graph& graph) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  return nlohmann::json::parse(text);
+  return parsed::json(text);
 }
 nlohmann::json list_of(const std::string& name, std::uint32_t capacity, std::uint32_t count, std::uint32_t overflow) {
   return {{"name", name}, {"capacity", capacity}, {"count", count}, {"overflow", overflow}};

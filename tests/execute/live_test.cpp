@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Live mode over a GPU that a test pass holds and lets go: what is late, what is stale, and that nothing waits.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <nlohmann/json.hpp>
@@ -31,7 +32,7 @@ Late late_of(const nlohmann::json& json) {
 nlohmann::json stats(Graph& graph) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  return nlohmann::json::parse(text)["late"];
+  return parsed::json(text)["late"];
 }
 
 /// The frame that the CPU saw, + 1; 0: none.
@@ -132,7 +133,7 @@ TEST(Live, ExplainsItself) {
   EXPECT_NE(std::string(text).find("reads what the gpu made 1 frame ago, or earlier if that is not there yet"),
             std::string::npos);
   check(heddle_graph_explain(graph.handle, "json", &text));
-  EXPECT_EQ(nlohmann::json::parse(text)["mode"], "live");
+  EXPECT_EQ(parsed::json(text)["mode"], "live");
 }
 
 TEST(Live, IsRefusedWhereFramesAreChecked) {

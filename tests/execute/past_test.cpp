@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a frame reads of the last one, against closed forms over several frames, with cuts.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <nlohmann/json.hpp>
@@ -33,13 +34,13 @@ Image frame(Graph& graph, Scene& scene, bool is_cut = false) {
 std::uint64_t counter(Graph& graph, const char* name) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  return nlohmann::json::parse(text)["counters"][name].get<std::uint64_t>();
+  return parsed::json(text)["counters"][name].get<std::uint64_t>();
 }
 
 std::uint64_t stat(Graph& graph, const char* name) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  return nlohmann::json::parse(text)[name].get<std::uint64_t>();
+  return parsed::json(text)[name].get<std::uint64_t>();
 }
 
 /// After k frames: value + (neutral - value) (1 - weight)^k. All numbers are dyadic, so float32 is exact.
@@ -176,7 +177,7 @@ TEST(Latency, BringsEveryFrameExactlyTwoFramesLater) {
     }
     EXPECT_EQ(stat(graph, "stalls"), 0U);
     check(heddle_stats(graph.handle, &text));
-    const auto late = nlohmann::json::parse(text)["late"];
+    const auto late = parsed::json(text)["late"];
     EXPECT_EQ(late["mode"], "repeatable");
     EXPECT_EQ(late["waits"], 1) << "for the frame's end";
     EXPECT_EQ(late["reads"], 2);
@@ -208,9 +209,9 @@ TEST(History, NobodyReadsCostsNothing) {
   frame(read, scene);
   const char* text = nullptr;
   check(heddle_stats(alone.handle, &text));
-  const auto expected = nlohmann::json::parse(text)["memory"];
+  const auto expected = parsed::json(text)["memory"];
   check(heddle_stats(read.handle, &text));
-  EXPECT_EQ(nlohmann::json::parse(text)["memory"], expected);
+  EXPECT_EQ(parsed::json(text)["memory"], expected);
   EXPECT_EQ(counter(read, "commands"), counter(alone, "commands"));
 }
 

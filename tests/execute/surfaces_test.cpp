@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Surfaces that techniques make, against the same triangles as the scene has them: drawn by gbuffer, shadow, forward
 // and transparency, traced, culled, replaced, placed by the GPU.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <gmock/gmock.h>
@@ -43,7 +44,7 @@ void furnish(Scene& scene) {
 nlohmann::json stats(Graph& graph) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  return nlohmann::json::parse(text);
+  return parsed::json(text);
 }
 
 void expect_same(const Image& a, const Image& b, const std::string& what) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Drawings with a place of their own: what they show does not depend on the camera, what they would show is a number,
 // and only their own part of an image changes.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <gmock/gmock.h>
@@ -26,7 +27,7 @@ void add_plate(Scene& scene, double x, double z) {
 std::uint64_t counted(Graph& graph, const std::string& name) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  const nlohmann::json said = nlohmann::json::parse(text);
+  const nlohmann::json said = parsed::json(text);
   for (const auto& count : said["counts"])
     if (count["pass"] == "placed" && count["name"] == name) return count["count"].get<std::uint64_t>();
   ADD_FAILURE() << "no counter " << name << " in " << text;

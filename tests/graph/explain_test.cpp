@@ -4,6 +4,7 @@
 
 #include "graph/plugin_folder.hpp"
 #include "json.hpp"
+#include "parsed.hpp"
 
 namespace heddle::graph {
 namespace {
@@ -47,7 +48,7 @@ TEST(Explain, SaysWhatStaysAndWhy) {
 TEST(Explain, SaysThePeakMemoryOrThatNobodyKnowsIt) {
   EXPECT_THAT(explain({}).text, ContainsRegex("peak memory of images and buffers: [0-9.]+ [KMi]*B, [0-9.]+ [KMi]*B "
                                               "without sharing; [0-9.]+ [KMi]*B of it is kept or read afterwards\n"));
-  const auto memory = nlohmann::json::parse(explain({"extent=[64,32]"}).json)["memory"];
+  const auto memory = parsed::json(explain({"extent=[64,32]"}).json)["memory"];
   EXPECT_GE(memory["own_bytes"], 4 * 64 * 32) << "the output, which is read afterwards";
   EXPECT_LE(memory["heap_bytes"], memory["unaliased_bytes"]);
   ResolvedGraph graph = resolve(parse(test_support::kSmallGraph, "small.toml"), test_support::shared_registry());

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // ambient_occlusion/baked: the hard cases of its role, with bakes of their own; where values are looked up; what a
 // frame costs that finds its artifact.
+#include "parsed.hpp"
 #include "roles/bake_visibility/baking.hpp"
 
 #include <fmt/format.h>
@@ -155,7 +156,7 @@ TEST(BakedOcclusion, GoesWithWhatMovesAndIsNotBakedAgain) {
   EXPECT_LT(most, 1e-4);
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  const Json stats = Json::parse(text);
+  const Json stats = parsed::json(text);
   // The values were uploaded in the first frame, and the job did not run again: what is left are places and views.
   EXPECT_EQ(stats["counters"]["dispatches"], 0);
   EXPECT_LT(stats["counters"]["uploaded_bytes"], 4096);

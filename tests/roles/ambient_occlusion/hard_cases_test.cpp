@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Every technique of the role runs every hard case of role.toml, on the default device, through the C API.
+#include "parsed.hpp"
 #include "rendering.hpp"
 #include "roles/readme.hpp"
 
@@ -20,7 +21,7 @@ constexpr std::uint32_t kSize = 96;
 Json list() {
   const char* text = "";
   rendering::require(heddle_list(rendering::host(), &text));
-  return Json::parse(text);
+  return parsed::json(text);
 }
 
 std::vector<std::string> techniques() {
@@ -300,7 +301,7 @@ TEST_P(HardCases, NobodyWhoReadsItCostsNothing) {
   scene.look({{0, 2, 0}, {1, 1, 0}, 0.7, 0.01, false});
   Graph graph(GetParam(), kSize, "", "gbuffer.depth");
   static_cast<void>(graph.render(scene));
-  const Json stats = Json::parse(graph.stats());
+  const Json stats = parsed::json(graph.stats());
   for (const Json& library : stats["libraries"]) {
     EXPECT_EQ(library.get<std::string>().find("ambient_occlusion"), std::string::npos) << library;
   }

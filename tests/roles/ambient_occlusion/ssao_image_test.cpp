@@ -2,6 +2,7 @@
 // What ambient_occlusion/ssao makes of scenes: closed forms, the errors of each of its shortcuts, and the failures of
 // the rivals that its defaults avoid. On the default device, through the C API.
 #include "corner.hpp"
+#include "parsed.hpp"
 #include "rendering.hpp"
 
 #include <nlohmann/json.hpp>
@@ -593,7 +594,7 @@ TEST(SsaoImage, ItsWorkDoesNotGrowWithTheObjects) {
     Graph graph("ssao", kSize, "");
     static_cast<void>(graph.render(scene));
     static_cast<void>(graph.render(scene));
-    counters.push_back(nlohmann::json::parse(graph.stats())["counters"]);
+    counters.push_back(parsed::json(graph.stats())["counters"]);
   }
   for (const char* counter : {"dispatches", "barriers", "renderings", "live_images"}) {
     EXPECT_EQ(counters[0][counter], counters[1][counter]) << counter;
@@ -621,7 +622,7 @@ TEST(SsaoImage, EmissionAndLightsThatDoNotAskForItStayBitForBitAndNoneIsAsIfItWe
   // Without a sky there is no ambient light to occlude.
   with.set("ao.technique=none");
   EXPECT_EQ(with.render(scene).pixels, lit.pixels);
-  const nlohmann::json stats = nlohmann::json::parse(with.stats());
+  const nlohmann::json stats = parsed::json(with.stats());
   EXPECT_EQ(stats["counters"]["dispatches"], 0) << "the whole chain is gone";
   for (const auto& library : stats["libraries"]) {
     EXPECT_EQ(library.get<std::string>().find("ambient_occlusion"), std::string::npos) << library;

@@ -2,6 +2,7 @@
 // antialiasing/multiframe: frame after frame to the mean, what a frame costs by counters, what its accumulators lose,
 // and rendered edges.
 #include "antialiasing/multiframe/kernel.hpp"
+#include "parsed.hpp"
 #include "roles/antialiasing/edges.hpp"
 #include "roles/readme.hpp"
 
@@ -364,7 +365,7 @@ TEST(Multiframe, NeedsLessMemoryThanAPictureOfTwiceTheSize) {
 TEST(Multiframe, TheTableOfParametersInItsReadmeIsTheDescriptors) {
   const char* text = nullptr;
   check(heddle_list(Host::get().handle, &text));
-  const std::string table = parameter_table(nlohmann::json::parse(text), "antialiasing/multiframe");
+  const std::string table = parameter_table(parsed::json(text), "antialiasing/multiframe");
   EXPECT_NE(table, "");
   EXPECT_NE(readme_of("antialiasing/multiframe").find(table), std::string::npos) << "the README should have\n" << table;
 }

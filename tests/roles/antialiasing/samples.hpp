@@ -2,6 +2,7 @@
 // What the tests of the role share: graphs around the supersampler, and frames of them.
 #pragma once
 
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <nlohmann/json.hpp>
@@ -46,7 +47,7 @@ inline void render(Graph& graph, Scene& scene, std::uint32_t flags = 0, bool is_
 inline nlohmann::json stats(Graph& graph) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  return nlohmann::json::parse(text);
+  return parsed::json(text);
 }
 
 inline std::string samples(int count) {

@@ -2,6 +2,7 @@
 // antialiasing/supersampled: its error over samples against theory, progressive frames against the reference mode, and
 // what a frame costs by counters.
 #include "antialiasing/supersampled/sequence.hpp"
+#include "parsed.hpp"
 #include "roles/antialiasing/edges.hpp"
 #include "roles/readme.hpp"
 
@@ -191,7 +192,7 @@ TEST(Supersampled, RepeatsOnlyWhatDependsOnTheCamera) {
 TEST(Supersampled, TheTableOfParametersInItsReadmeIsTheDescriptors) {
   const char* text = nullptr;
   check(heddle_list(Host::get().handle, &text));
-  const std::string table = parameter_table(nlohmann::json::parse(text), "antialiasing/supersampled");
+  const std::string table = parameter_table(parsed::json(text), "antialiasing/supersampled");
   EXPECT_NE(table, "");
   EXPECT_NE(readme_of("antialiasing/supersampled").find(table), std::string::npos) << "the README should have\n"
                                                                                    << table;

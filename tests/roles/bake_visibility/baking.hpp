@@ -2,6 +2,7 @@
 // What tests of bakes need: a scene's artifact, its report, and where its values lie.
 #pragma once
 
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include "baked_visibility.hpp"
@@ -67,7 +68,7 @@ inline Result bake(Scene& scene, const std::string& technique, std::vector<std::
   check(heddle_job_run(graph.handle, scene.handle, nullptr, &text));
   Result result;
   if (text == nullptr) return result;
-  const Json told = Json::parse(text);
+  const Json told = parsed::json(text);
   result.origin = told["artifacts"][0]["origin"];
   result.report = told["reports"][0]["rows"].back()["values"];
   for (const Json& row : told["reports"][0]["rows"])

@@ -2,6 +2,7 @@
 // The hard cases of role bake_visibility, for every technique of it, against closed forms.
 #include "baking.hpp"
 
+#include "parsed.hpp"
 #include "roles/readme.hpp"
 
 namespace {
@@ -204,7 +205,7 @@ TEST_P(BakeVisibilityHardCases, HaveTheParametersThatTheirReadmesSay) {
   const char* text = nullptr;
   check(heddle_list(rendering::Host::get().handle, &text));
   const std::string id = std::string("bake_visibility/") + GetParam().name;
-  const std::string table = rendering::parameter_table(Json::parse(text), id);
+  const std::string table = rendering::parameter_table(parsed::json(text), id);
   EXPECT_NE(rendering::readme_of(id).find(table), std::string::npos) << table;
   EXPECT_FALSE(table.empty());
 }

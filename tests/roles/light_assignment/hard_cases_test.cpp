@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The hard cases of role light_assignment, by pictures: every technique gives the bits of the reference in
 // lighting/deferred, lighting/forward and transparency/sorted, and loses no light that reaches a pixel.
+#include "parsed.hpp"
 #include "roles/light_assignment/random.hpp"
 #include "roles/readme.hpp"
 #include "roles/rendering.hpp"
@@ -169,7 +170,7 @@ TEST(LightAssignment, H1WithoutLightsNoCommandIsRecordedAndNoLibraryOpened) {
     graph.render(scene);
     const char* text = nullptr;
     check(heddle_stats(graph.handle, &text));
-    return nlohmann::json::parse(text);
+    return parsed::json(text);
   };
   const nlohmann::json none = stats_of("none");
   for (const char* technique : {"brute_force", "tiled"}) {
@@ -195,7 +196,7 @@ TEST(LightAssignment, FewerLightsThanPayRecordNoCommand) {
     graph.render(scene);
     const char* text = nullptr;
     check(heddle_stats(graph.handle, &text));
-    return nlohmann::json::parse(text)["counters"]["dispatches"].get<int>();
+    return parsed::json(text)["counters"]["dispatches"].get<int>();
   };
   EXPECT_EQ(dispatches("tiled"), dispatches("none"));
 }
@@ -513,7 +514,7 @@ TEST(LightAssignment, MoreStepsAndSmallerTilesMeetFewerLightsToTheSameBits) {
 TEST(LightAssignment, TheReadmesTableOfParametersIsTheDescriptors) {
   const char* text = nullptr;
   check(heddle_list(Host::get().handle, &text));
-  const std::string table = parameter_table(nlohmann::json::parse(text), "light_assignment/tiled");
+  const std::string table = parameter_table(parsed::json(text), "light_assignment/tiled");
   ASSERT_FALSE(table.empty());
   EXPECT_NE(readme_of("light_assignment/tiled").find(table), std::string::npos) << table;
 }

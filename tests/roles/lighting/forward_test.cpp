@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // lighting/forward against lighting/deferred on one scene with everything that lighting meets, and its depth, drawn by
 // itself or taken from the gbuffer.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <nlohmann/json.hpp>
@@ -119,7 +120,7 @@ TEST(LightingForward, NeedsNoGbuffer) {
   EXPECT_GT(image.at(48, 50), 0.0F);
   const char* stats = nullptr;
   check(heddle_stats(graph.handle, &stats));
-  for (const auto& library : nlohmann::json::parse(stats)["libraries"])
+  for (const auto& library : parsed::json(stats)["libraries"])
     EXPECT_EQ(library.get<std::string>().find("/gbuffer/"), std::string::npos) << library;
 }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The role ray_tracing's hard cases for ray_tracing/path_tracer (H1, H6 and the parts of H3 that closed forms know are
 // in closed_forms_test.cpp), how its error falls, and what it says.
+#include "parsed.hpp"
 #include "roles/ray_tracing/measuring.hpp"
 #include "roles/readme.hpp"
 
@@ -790,7 +791,7 @@ TEST(PathTracer, ReadmeHasTheDescriptorsTable) {
   check(heddle_list(Host::get().handle, &text));
   std::ifstream file(HEDDLE_SOURCE_DIR "/plugins/ray_tracing/path_tracer/README.md");
   const std::string readme((std::istreambuf_iterator<char>(file)), {});
-  EXPECT_THAT(readme, testing::HasSubstr(parameter_table(nlohmann::json::parse(text), "ray_tracing/path_tracer")));
+  EXPECT_THAT(readme, testing::HasSubstr(parameter_table(parsed::json(text), "ray_tracing/path_tracer")));
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 // Frames of ray_tracing/path_tracer -> means with their standard errors, and what tests compare them with.
 #pragma once
 
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <dlfcn.h>
@@ -62,7 +63,7 @@ inline Measured measure(Scene& scene, const std::string& text) {
 inline std::uint64_t counter(const Graph& graph, const std::string& name) {
   const char* json = nullptr;
   check(heddle_stats(graph.handle, &json));
-  const nlohmann::json stats = nlohmann::json::parse(json);
+  const nlohmann::json stats = parsed::json(json);
   for (const auto& one : stats["counts"])
     if (one["name"] == name) return one["count"].get<std::uint64_t>();
   return 0;

@@ -3,6 +3,7 @@
 // walk draws. Prints the tables of the README.
 #include "cascades.hpp"
 #include "edge.hpp"
+#include "parsed.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -181,7 +182,7 @@ TEST(CascadedMeasured, AWalkDrawsFewerMapsTheMoreSlackTheyHave) {
       graph.render(scene);
       const char* text = nullptr;
       check(heddle_stats(graph.handle, &text));
-      const nlohmann::json said = nlohmann::json::parse(text);
+      const nlohmann::json said = parsed::json(text);
       for (const auto& count : said["counts"])
         (count["name"] == "maps_drawn" ? drawn : kept) += count["count"].get<std::uint64_t>();
     }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Which depth maps are drawn: those that would look different by now and no others, told by counters; and that a
 // picture made with kept ones is, byte for byte, the picture made with all of them drawn.
+#include "parsed.hpp"
 #include "patch.hpp"
 #include "roles/readme.hpp"
 
@@ -85,7 +86,7 @@ void PrintTo(const Maps& maps, std::ostream* out) {
 nlohmann::json stats(Graph& graph) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  return nlohmann::json::parse(text);
+  return parsed::json(text);
 }
 
 Maps render(Graph& graph, Scene& scene, bool is_cut = false) {
@@ -270,7 +271,7 @@ TEST(KeptMaps, HoldManyLightsWhoseMapsAreAsFineAsPixels) {
 TEST(KeptMaps, ReadmesSayWhatTheDescriptorsDo) {
   const char* text = nullptr;
   check(heddle_list(Host::get().handle, &text));
-  const nlohmann::json all = nlohmann::json::parse(text);
+  const nlohmann::json all = parsed::json(text);
   for (const char* id : {"shadow/shadow_map", "shadow/cascaded", "shadow/ray_traced"}) {
     const std::string table = parameter_table(all, id);
     ASSERT_FALSE(table.empty()) << id;

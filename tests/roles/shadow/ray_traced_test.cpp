@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // shadow/ray_traced against closed forms and float64 quadrature: penumbrae of lights of every shape, alpha masks, when
 // the tree is made; and the depth maps against it. Prints the tables of the README.
+#include "parsed.hpp"
 #include "patch.hpp"
 
 #include <gmock/gmock.h>
@@ -260,7 +261,7 @@ Counts counts_of(Graph& graph, Scene& scene) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
   Counts counts;
-  const nlohmann::json stats = nlohmann::json::parse(text);
+  const nlohmann::json stats = parsed::json(text);
   for (const auto& count : stats["counts"])
     (count["name"] == "trees_built" ? counts.trees : counts.triangles) = count["count"].get<std::uint64_t>();
   return counts;

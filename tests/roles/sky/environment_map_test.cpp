@@ -3,6 +3,7 @@
 // image, and surfaces lit by it against float64 quadrature of the same BRDF, with the approximation told from the
 // sampling.
 #include "environment.hpp"
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <dlfcn.h>
@@ -134,7 +135,7 @@ class Sky {
   [[nodiscard]] int dispatches() {
     const char* stats = nullptr;
     check(heddle_stats(graph_.handle, &stats));
-    return nlohmann::json::parse(stats)["counters"]["dispatches"].get<int>();
+    return parsed::json(stats)["counters"]["dispatches"].get<int>();
   }
 
  private:
@@ -463,7 +464,7 @@ TEST(EnvironmentMap, ScenesWithoutEnvironmentPayNothing) {
     image = graph.image(scene);
     const char* stats = nullptr;
     check(heddle_stats(graph.handle, &stats));
-    auto json = nlohmann::json::parse(stats);
+    auto json = parsed::json(stats);
     for (const char* of_the_process : {"pipelines_total", "pipeline_total_ms"}) json["counters"].erase(of_the_process);
     return std::tuple(json["counters"], json["libraries"], json["memory"]);
   };

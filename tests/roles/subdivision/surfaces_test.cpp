@@ -2,6 +2,7 @@
 // What the techniques draw: places and normals against float64, holes counted, hard cases, and that nothing is done
 // where nothing is subdivided.
 #include "cages.hpp"
+#include "parsed.hpp"
 #include "roles/readme.hpp"
 #include "roles/rendering.hpp"
 
@@ -341,7 +342,7 @@ TEST(Subdivision, KeepsAllSharpEdgesOfACube) {
 nlohmann::json stats(Graph& graph) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  return nlohmann::json::parse(text);
+  return parsed::json(text);
 }
 
 TEST(Subdivision, CostsNothingWhereNoObjectAsksForIt) {
@@ -495,7 +496,7 @@ TEST(Subdivision, HasItsParametersInItsReadme) {
   const char* text = nullptr;
   check(heddle_list(Host::get().handle, &text));
   for (const char* id : {"subdivision/catmull_clark", "subdivision/vertex_program", "subdivision/limit"}) {
-    const std::string table = parameter_table(nlohmann::json::parse(text), id);
+    const std::string table = parameter_table(parsed::json(text), id);
     EXPECT_FALSE(table.empty());
     EXPECT_THAT(readme_of(id), HasSubstr(table));
   }

@@ -2,6 +2,7 @@
 // The function texture_source asked at the pixels of a parallelogram in texture coordinates.
 #pragma once
 
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <heddle/components.h>
@@ -76,7 +77,7 @@ inline Camera camera_at(std::mt19937& random, double texels, double extent) {
 inline nlohmann::json stats(Graph& graph) {
   const char* text = nullptr;
   check(heddle_stats(graph.handle, &text));
-  return nlohmann::json::parse(text);
+  return parsed::json(text);
 }
 inline std::map<std::string, std::uint64_t> counts(Graph& graph) {
   std::map<std::string, std::uint64_t> found;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The hard cases of role texture_source: the function asked directly, at chosen coordinates, and while the gbuffer
 // draws.
+#include "parsed.hpp"
 #include "roles/readme.hpp"
 #include "roles/texture_source/asking.hpp"
 
@@ -567,7 +568,7 @@ TEST(TextureSource, ErrorsNameTheMaterialAndWhatIsExpected) {
 TEST(TextureSource, ReadmesTellTheParametersAsTheyAre) {
   const char* text = nullptr;
   check(heddle_list(Host::get().handle, &text));
-  const nlohmann::json all = nlohmann::json::parse(text);
+  const nlohmann::json all = parsed::json(text);
   for (const char* id : {"texture_source/virtual", "texture_source/resident"}) {
     const std::string table = parameter_table(all, id);
     EXPECT_NE(table, "");

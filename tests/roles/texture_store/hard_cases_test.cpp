@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The hard cases of role texture_store, through jobs as users run them.
+#include "parsed.hpp"
 #include "roles/readme.hpp"
 #include "roles/texture_store/in_core.hpp"
 #include "roles/texture_store/storing.hpp"
@@ -196,7 +197,7 @@ TEST(TextureStore, IsMadeAgainWhereItsFileIsGoneCutOffOrItsImageHasChanged) {
     const Graph graph(job_text(job));
     const char* text = nullptr;
     check(heddle_job_run(graph.handle, scene.handle, nullptr, &text));
-    return Json::parse(text)["artifacts"][0]["origin"].get<std::string>();
+    return parsed::json(text)["artifacts"][0]["origin"].get<std::string>();
   };
   EXPECT_EQ(reused(), "cache");
   fs::resize_file(first.file, fs::file_size(first.file) - 1);
@@ -213,7 +214,7 @@ TEST(TextureStore, IsMadeAgainWhereItsFileIsGoneCutOffOrItsImageHasChanged) {
 TEST(TextureStore, ReadmeTellsTheParametersAsTheyAre) {
   const char* text = nullptr;
   check(heddle_list(rendering::Host::get().handle, &text));
-  const std::string table = parameter_table(Json::parse(text), "texture_store/tiled");
+  const std::string table = parameter_table(parsed::json(text), "texture_store/tiled");
   EXPECT_NE(table, "");
   EXPECT_NE(readme_of("texture_store/tiled").find(table), std::string::npos) << "should have\n" << table;
 }

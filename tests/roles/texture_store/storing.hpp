@@ -3,6 +3,7 @@
 // store.
 #pragma once
 
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <unistd.h>
@@ -90,7 +91,7 @@ inline Made make(const std::string& parameters) {
   const char* text = nullptr;
   check(heddle_job_run(graph.handle, scene.handle, nullptr, &text));
   Made made;
-  const Json result = Json::parse(text);
+  const Json result = parsed::json(text);
   for (const Json& artifact : result["artifacts"]) {
     EXPECT_EQ(artifact["name"], "store.store");
     made.file = artifact["store"].get<std::string>();

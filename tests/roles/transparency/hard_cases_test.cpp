@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The hard cases of role transparency for transparency/sorted, over lighting/deferred and lighting/forward.
+#include "parsed.hpp"
 #include "roles/rendering.hpp"
 
 #include <nlohmann/json.hpp>
@@ -296,7 +297,7 @@ TEST(Transparency, H8ScenesWithoutBlendedSurfacesPayNothing) {
     image = graph.image(scene);
     const char* stats = nullptr;
     check(heddle_stats(graph.handle, &stats));
-    nlohmann::json json = nlohmann::json::parse(stats);
+    nlohmann::json json = parsed::json(stats);
     for (const char* of_the_process : {"pipelines_total", "pipeline_total_ms"}) json["counters"].erase(of_the_process);
     return std::pair(json["counters"], std::pair(json["libraries"], json["memory"]));
   };

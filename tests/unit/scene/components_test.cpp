@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Components of a scene: attached, merged, read from glTF files and overlays, and laid out for shaders.
 #include "scene/components.hpp"
+#include "parsed.hpp"
 
 #include <gmock/gmock.h>
 
@@ -173,7 +174,7 @@ TEST_F(SceneComponents, AreFeaturesAndMoveWithTheirThingsWhenFilesAreMerged) {
   EXPECT_THAT(list(scene), ElementsAre("lamp.settings light 0: 1 0 | 1", "lamp.settings light 1: 1 0 | 1",
                                        "tag.mark instance 0: 2 | 1", "tag.mark instance 1: 2 | 1"));
   EXPECT_THAT(scene.features(), ElementsAre("surfaces", "lights", "lamp.settings", "tag.mark"));
-  const Json described = Json::parse(scene.describe_json());
+  const Json described = parsed::json(scene.describe_json());
   EXPECT_EQ(described["components"][0].dump(),
             R"({"id":0,"name":"lamp.settings","on":"light","properties":{"power":1}})");
 }
