@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// ambient_occlusion/ray_traced: depth, normal and the scene's triangles -> visibility, one pixel after the other on the
-// CPU. The reference of its role.
+// ambient_occlusion/ray_traced: depth, normal and the scene's triangles -> visibility, row by row on the CPU's
+// processors. The reference of its role.
 #include "tracer.hpp"
 
 #include <heddle/contents.hpp>
+#include <heddle/parallel.hpp>
 #include <heddle/pass.hpp>
 
 #include <glm/gtc/packing.hpp>
@@ -149,9 +150,9 @@ class RayTraced {
     tracer_.set_alpha_test(alpha.test != nullptr ? AlphaTest{&Alpha::is_surface, &alpha} : AlphaTest{});
     // In large worlds both origins are far from the scene's zero: their difference is taken in float64.
     const View view(camera.front(), glm::make_vec3(frame.info().origin) - glm::make_vec3(snapshot->origin));
-    trace(frame, view, depth, normal, visibility);
+    const heddle_status status = trace(frame, view, depth, normal, visibility);
     tracer_.set_alpha_test({});
-    return HEDDLE_OK;
+    return status;
   }
 
  private:
@@ -184,13 +185,15 @@ class RayTraced {
     return is_built_;
   }
 
-  void trace(const Frame& frame, const View& view, const heddle_mapped& depth, const heddle_mapped& normal,
-             const heddle_mapped& visibility) const {
+  heddle_status trace(const Frame& frame, const View& view, const heddle_mapped& depth, const heddle_mapped& normal,
+                      const heddle_mapped& visibility) const {
     const double radius = frame.host().parameter("radius");
     const auto falloff = static_cast<Falloff>(frame.host().choice("falloff"));
     const auto samples = static_cast<std::uint32_t>(frame.host().integer("samples"));
     const bool is_nearest = falloff != Falloff::kNone;
-    for (std::uint32_t y = 0; y < visibility.shape.height; ++y) {
+    const std::uint64_t seed = frame.info().seed;
+    return for_each_index(frame.host(), visibility.shape.height, [&](std::uint64_t row) {
+      const auto y = static_cast<std::uint32_t>(row);
       const auto* depths =
           reinterpret_cast<const float*>(static_cast<const std::byte*>(depth.data) + y * depth.row_bytes);
       auto* out = reinterpret_cast<float*>(static_cast<std::byte*>(visibility.data) + y * visibility.row_bytes);
@@ -203,13 +206,12 @@ class RayTraced {
         const glm::dvec3 n = decode_octahedral(read_pair(normal, x, y));
         const double tolerance = kDepthErrorPixels * view.pixel_size(d) + kDepthErrorRelative * d;
         const SurfacePoint point = tracer_.anchor(view.position(x, y, d), view.direction(x, y), n, tolerance);
-        out[x] =
-            static_cast<float>(estimate_visibility(point, radius, falloff, samples, pixel_seed(frame.info().seed, x, y),
-                                                   [&](const glm::dvec3& origin, double reach, RayBatch& batch) {
-                                                     tracer_.trace(origin, reach, is_nearest, batch);
-                                                   }));
+        out[x] = static_cast<float>(estimate_visibility(point, radius, falloff, samples, pixel_seed(seed, x, y),
+                                                        [&](const glm::dvec3& origin, double reach, RayBatch& batch) {
+                                                          tracer_.trace(origin, reach, is_nearest, batch);
+                                                        }));
       }
-    }
+    });
   }
 
   Tracer tracer_;

@@ -25,7 +25,7 @@ struct AlphaTest {
   void* user = nullptr;
 };
 
-/// One Embree device with one scene. Not for two threads at once.
+/// One Embree device with one scene. Many threads may ask at once what is const; the rest is for one.
 class Tracer {
  public:
   Tracer();

@@ -4,6 +4,7 @@
 #include "bake_parts.hpp"
 #include "embree_triangles.hpp"
 
+#include <heddle/parallel.hpp>
 #include <heddle/pass.hpp>
 
 #include <cstring>
@@ -162,7 +163,11 @@ class RayTraced {
     const std::size_t per_slice = std::max<std::size_t>(kRaysPerSlice / directions_.size(), 1);
     const std::size_t first = per_slice * frame.info().slice;
     const std::size_t end = std::min(asked_.size(), first + per_slice);
-    for (std::size_t i = first; i < end; ++i) sums_[asked_[i]] = ask(set_.elements[asked_[i]]);
+    const heddle_status asked = for_each_index(frame.host(), end - first, [&](std::uint64_t i) {
+      const std::uint32_t element = asked_[first + i];
+      sums_[element] = ask(set_.elements[element]);
+    });
+    if (asked != HEDDLE_OK) return asked;
     const double done = asked_.empty() ? 1.0 : static_cast<double>(end) / static_cast<double>(asked_.size());
     if (const heddle_status status = frame.progress(done); status != HEDDLE_OK) return status;
     return end < asked_.size() ? HEDDLE_MORE : keep(frame);
