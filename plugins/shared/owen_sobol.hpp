@@ -20,8 +20,7 @@ inline std::uint32_t reverse_bits(std::uint32_t x) {
   x = ((x >> 1U) & 0x55555555U) | ((x & 0x55555555U) << 1U);
   x = ((x >> 2U) & 0x33333333U) | ((x & 0x33333333U) << 2U);
   x = ((x >> 4U) & 0x0f0f0f0fU) | ((x & 0x0f0f0f0fU) << 4U);
-  x = ((x >> 8U) & 0x00ff00ffU) | ((x & 0x00ff00ffU) << 8U);
-  return (x >> 16U) | (x << 16U);
+  return __builtin_bswap32(x);
 }
 
 /// Two words at once.
@@ -29,8 +28,8 @@ inline std::uint64_t reverse_bits_of_both(std::uint64_t x) {
   x = ((x >> 1U) & 0x5555555555555555ULL) | ((x & 0x5555555555555555ULL) << 1U);
   x = ((x >> 2U) & 0x3333333333333333ULL) | ((x & 0x3333333333333333ULL) << 2U);
   x = ((x >> 4U) & 0x0f0f0f0f0f0f0f0fULL) | ((x & 0x0f0f0f0f0f0f0f0fULL) << 4U);
-  x = ((x >> 8U) & 0x00ff00ff00ff00ffULL) | ((x & 0x00ff00ff00ff00ffULL) << 8U);
-  return ((x >> 16U) & 0x0000ffff0000ffffULL) | ((x & 0x0000ffff0000ffffULL) << 16U);
+  x = __builtin_bswap64(x);
+  return (x >> 32U) | (x << 32U);
 }
 
 /// A hash in which a bit changes higher bits only: Burley 2020, "Practical Hash-based Owen Scrambling", with the

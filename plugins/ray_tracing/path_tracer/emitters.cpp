@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "emitters.hpp"
 
+#include "owen_sobol.hpp"
+
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numbers>
 
@@ -13,6 +16,7 @@ using glm::dvec3;
 using std::numbers::pi;
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr double kBelowOne = 1.0 - 0x1p-53;
 constexpr int kProbesASide = 4;  // of a glowing triangle's texture, squared: how bright it is on the whole
 
 double mean_of(const dvec3& rgb) {
@@ -24,6 +28,13 @@ dvec2 sample_triangle(const dvec2& u) {
   const double b0 = u.x < u.y ? 0.5 * u.x : u.x - 0.5 * u.y;
   const double b1 = u.x < u.y ? u.y - 0.5 * u.x : 0.5 * u.y;
   return {b1, 1.0 - b0 - b1};
+}
+
+/// u.x with bits that points of 32 bits do not have: one of many lights takes its place from what a choice leaves of
+/// it.
+double refined(const dvec2& u) {
+  const std::uint64_t bits = sampling::mix_bits(std::bit_cast<std::uint64_t>(u.y));
+  return std::clamp(u.x + (static_cast<double>(bits >> 11U) * 0x1p-53 - 0.5) * 0x1p-32, 0.0, kBelowOne);
 }
 
 /// Intensity 0: the light is not of the tree, or dark.
@@ -160,9 +171,10 @@ LightSample Emitters::sample_light_of(const Light& light, double probability, co
   return sample;
 }
 
-LightSample Emitters::sample_near(const dvec3& point, const dvec3& normal, double u_choice, const dvec2& u) const {
-  const LightTree::Choice choice = tree_.choose(point, normal, u_choice);
+LightSample Emitters::sample_near(const dvec3& point, const dvec3& normal, const dvec2& u_whole) const {
+  const LightTree::Choice choice = tree_.choose(point, normal, refined(u_whole));
   if (choice.probability <= 0.0) return {};
+  const dvec2 u(choice.rest, u_whole.y);
   if (choice.emitter < lights_.size()) return sample_light_of(lights_[choice.emitter], choice.probability, point, u);
   LightSample sample;
   sample.probability = choice.probability;
@@ -181,10 +193,10 @@ LightSample Emitters::sample_near(const dvec3& point, const dvec3& normal, doubl
   return sample;
 }
 
-LightSample Emitters::sample_far(const dvec3& point, const dvec3& normal, double u_choice, const dvec2& u) const {
+LightSample Emitters::sample_far(const dvec3& point, const dvec3& normal, const dvec2& u) const {
   const Weights weights = weigh(point, normal);
   const Light* chosen = nullptr;
-  double rest = u_choice, share = 0.0;
+  double rest = refined(u), share = 0.0;
   for (const std::uint32_t i : outside_) {
     const double own = weights.share(weight_of(lights_[i], point, normal));
     if (!(own > 0.0)) continue;
@@ -194,7 +206,8 @@ LightSample Emitters::sample_far(const dvec3& point, const dvec3& normal, double
     if (rest < own) break;
     rest -= own;
   }
-  return chosen != nullptr ? sample_light_of(*chosen, share, point, u) : LightSample{};
+  if (chosen == nullptr) return {};
+  return sample_light_of(*chosen, share, point, {std::min(rest / share, kBelowOne), u.y});
 }
 
 LightSample Emitters::sample_sky(const dvec2& u) const {
@@ -206,17 +219,16 @@ LightSample Emitters::sample_sky(const dvec2& u) const {
   return sample;
 }
 
-LightSample Emitters::sample(Kind kind, const dvec3& point, const dvec3& normal, double u_choice,
-                             const dvec2& u) const {
+LightSample Emitters::sample(Kind kind, const dvec3& point, const dvec3& normal, const dvec2& u) const {
   switch (kind) {
     case Kind::kSky:
       return sample_sky(u);
     case Kind::kNear:
-      return sample_near(point, normal, u_choice, u);
+      return sample_near(point, normal, u);
     case Kind::kFar:
       break;
   }
-  return sample_far(point, normal, u_choice, u);
+  return sample_far(point, normal, u);
 }
 
 Emitters::Background Emitters::background(const dvec3& direction) const {

@@ -38,7 +38,8 @@ class Emitters {
            : kind == Kind::kNear ? !tree_.is_empty()
                                  : !outside_.empty();
   }
-  [[nodiscard]] LightSample sample(Kind kind, const glm::dvec3& point, const glm::dvec3& normal, double u_choice,
+  /// u.x chooses the emitter too: what the choice leaves of it is as even as all of it, and pairs stay pairs.
+  [[nodiscard]] LightSample sample(Kind kind, const glm::dvec3& point, const glm::dvec3& normal,
                                    const glm::dvec2& u) const;
 
   /// add(value, density): what a ray from `point` meets of lights' shapes and farther away than `first` up to `length`,
@@ -77,10 +78,9 @@ class Emitters {
   /// Of a light that is not in the tree: about the lux that it sends; 0 only where it sends none.
   [[nodiscard]] double weight_of(const Light& light, const glm::dvec3& point, const glm::dvec3& normal) const;
   [[nodiscard]] LightSample sample_sky(const glm::dvec2& u) const;
-  [[nodiscard]] LightSample sample_near(const glm::dvec3& point, const glm::dvec3& normal, double u_choice,
-                                        const glm::dvec2& u) const;
-  [[nodiscard]] LightSample sample_far(const glm::dvec3& point, const glm::dvec3& normal, double u_choice,
-                                       const glm::dvec2& u) const;
+  [[nodiscard]] LightSample sample_near(const glm::dvec3& point, const glm::dvec3& normal,
+                                        const glm::dvec2& u_whole) const;
+  [[nodiscard]] LightSample sample_far(const glm::dvec3& point, const glm::dvec3& normal, const glm::dvec2& u) const;
   [[nodiscard]] LightSample sample_light_of(const Light& light, double probability, const glm::dvec3& point,
                                             const glm::dvec2& u) const;
 

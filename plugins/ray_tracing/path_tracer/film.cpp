@@ -21,8 +21,8 @@ struct FileHead {
   std::uint64_t check;  // of all else
   std::uint32_t width, height, tile_count, settings_bytes;
 };
-// The last of these is the format: 3 has four scramblings' sums, 2 had eight.
-constexpr char kMagic[8] = {'H', 'D', 'L', 'P', 'A', 'T', 'H', '3'};
+// The last of these is the format: 4 has two scramblings' sums, 3 had four.
+constexpr char kMagic[8] = {'H', 'D', 'L', 'P', 'A', 'T', 'H', '4'};
 
 std::uint64_t check_of(FileHead head, const std::string& settings, const std::vector<std::uint32_t>& tiles,
                        const std::vector<PixelSums>& pixels) {
@@ -62,13 +62,14 @@ dvec3 PixelSums::variance(std::uint32_t samples) const {
   if (parts < 2) return dvec3(std::numeric_limits<double>::infinity());
   const dvec3 whole = mean(samples);
   dvec3 sum(0.0);
+  double free = static_cast<double>(samples) * samples;
   for (std::uint32_t i = 0; i < parts; ++i) {
     const double count = samples / kReplicates + (i < samples % kReplicates ? 1U : 0U);
     const dvec3 off = radiance[i] - count * whole;
     sum += off * off;
+    free -= count * count;
   }
-  const double n = samples;
-  return sum * (parts / (parts - 1.0) / (n * n));
+  return sum / free;
 }
 
 void Film::reset(std::uint32_t width, std::uint32_t height, std::uint64_t key) {

@@ -14,8 +14,8 @@ using glm::dvec2;
 using glm::dvec3;
 
 // Pairs of numbers: one for the pixel, then as many for each surface on a path, and two far behind them.
-constexpr std::uint32_t kFirstPair = 1, kPairsASurface = 6, kVisibilityPair = 1U << 30U;
-enum : std::uint32_t { kChoicePair, kMaterialPair, kFatePair, kLightPair };  // of each kind of emitters one
+constexpr std::uint32_t kFirstPair = 1, kPairsASurface = 5, kVisibilityPair = 1U << 30U;
+enum : std::uint32_t { kMaterialPair, kFatePair, kLightPair };  // of each kind of emitters one
 
 // A path that only passes through things ends here: more layers than a scene has in one line, but for traps.
 constexpr std::uint32_t kMostSurfaces = 4096;
@@ -115,9 +115,8 @@ dvec3 Integrator::transmittance(Ray ray, Counts& counts) const {
   return share;
 }
 
-dvec3 Integrator::light_directly(const Shading& shading, Emitters::Kind kind, double u_choice, const dvec2& u,
-                                 Counts& counts) const {
-  const LightSample light = emitters->sample(kind, shading.origin, shading.surface.normal, u_choice, u);
+dvec3 Integrator::light_directly(const Shading& shading, Emitters::Kind kind, const dvec2& u, Counts& counts) const {
+  const LightSample light = emitters->sample(kind, shading.origin, shading.surface.normal, u);
   if (!(light.probability > 0.0) || !(light.arrival.pdf > 0.0) || is_dark(light.arrival.value)) return dvec3(0.0);
   const dvec3 local = glm::transpose(shading.basis) * light.arrival.direction;
   if (local.z <= 0.0 || glm::dot(light.arrival.direction, shading.surface.facet) <= 0.0) return dvec3(0.0);
@@ -190,20 +189,18 @@ void Integrator::find_visibility(const Surface& surface, const Sampler& sampler,
           : 0.0;
 }
 
-Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Counts& counts) const {
-  Estimate out;
-  Ray ray = camera_ray;
-  dvec3 beta(1.0);           // what light that comes along the ray is worth
-  dvec3 diffuse_share(0.0);  // of beta: what the first surface's diffuse lobe reflects
+/// A path on its way.
+struct Integrator::Walk {
+  Ray ray;
+  dvec3 beta{1.0};           // what light that comes along the ray is worth
+  dvec3 diffuse_share{0.0};  // of beta: what the first surface's diffuse lobe reflects
+  std::uint32_t event = 0;   // surfaces met
   std::uint32_t bounces = 0;
-  bool is_first = true;      // no solid surface yet
-  bool is_past_all = false;  // nor ever one: the camera looks at the background
-  double uncovered = 1.0;
   // The last surface that reflected: rays through layers go on from there.
-  dvec3 from(0.0), from_normal(0.0);
+  dvec3 from{0.0}, from_normal{0.0};
   double from_pdf = 0.0, travelled = 0.0;
 
-  const auto add = [&](const dvec3& radiance) {
+  void add(const dvec3& radiance, Estimate& out) const {
     const dvec3 light = beta * radiance;
     if (bounces == 0) {
       out.emission += light;
@@ -214,123 +211,165 @@ Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Cou
       out.indirect_diffuse += diffuse;
       out.indirect_specular += light - diffuse;
     }
-  };
+  }
+};
 
-  for (std::uint32_t event = 0; event < kMostSurfaces; ++event) {
-    const std::uint32_t dimension = kFirstPair + event * kPairsASurface;
+/// What the camera's ray meets before it is reflected, or a layer lets it pass.
+struct Integrator::Seen {
+  double uncovered = 1.0;
+  bool is_first = true;      // no solid surface yet
+  bool is_past_all = false;  // nor ever one: the camera looks at the background
+};
+
+void Integrator::leave(const Walk& walk, Estimate& out) const {
+  const dvec3& direction = walk.ray.direction;
+  if (walk.bounces == 0) {
+    walk.add(emitters->sky().radiance(direction), out);
+    return;
+  }
+  if (emitters->sky().shines()) {
+    const Emitters::Background seen = emitters->background(direction);
+    walk.add(seen.radiance * weight(walk.from_pdf, seen.pdf), out);
+  }
+  emitters->meet_discs(walk.from, walk.from_normal, direction,
+                       [&](const dvec3& value, double other) { walk.add(value * weight(walk.from_pdf, other), out); });
+}
+
+bool Integrator::reflect(Walk& walk, const Shading& shading, const dvec2& u, const dvec2& fate) const {
+  const Reflection reflection = draw(shading, u, fate.y);
+  if (!(reflection.pdf > 0.0)) return false;
+  const dvec3 direction = glm::normalize(shading.basis * reflection.light);
+  if (glm::dot(direction, shading.surface.facet) <= 0.0) return false;
+  const dvec3 f = reflection.diffuse + reflection.specular;
+  if (walk.bounces == 1) {
+    for (glm::length_t c = 0; c < 3; ++c) walk.diffuse_share[c] = f[c] > 0.0 ? reflection.diffuse[c] / f[c] : 0.0;
+  }
+  walk.beta *= f * (reflection.light.z / reflection.pdf);
+  if (is_dark(walk.beta)) return false;
+  if (walk.bounces >= settings.roulette_from) {
+    const double life = std::min(3.0 * largest(walk.beta), kLongestLife);
+    if (fate.x >= life) return false;
+    walk.beta /= life;
+  }
+  walk.from = shading.origin;
+  walk.from_normal = shading.surface.normal;
+  walk.from_pdf = reflection.pdf;
+  walk.travelled = 0.0;
+  walk.ray = {shading.origin, direction};
+  return true;
+}
+
+void Integrator::follow(Walk& walk, const Sampler& sampler, Seen& seen, Estimate& out, Counts& counts) const {
+  for (; walk.event < kMostSurfaces; ++walk.event) {
+    const std::uint32_t dimension = kFirstPair + walk.event * kPairsASurface;
     Hit hit;
     ++counts.rays;
-    const bool is_hit = geometry->find_nearest(ray, hit, counts.record);
-    const double reached = is_hit ? travelled + hit.distance : ray.length;
+    const bool is_hit = geometry->find_nearest(walk.ray, hit, counts.record);
+    const double reached = is_hit ? walk.travelled + hit.distance : walk.ray.length;
 
     // Lights' own shapes stand in nobody's way, and the camera does not see them.
-    if (bounces > 0)
-      emitters->meet(from, from_normal, ray.direction, travelled * (1.0 + kShapeSlack), reached * (1.0 + kShapeSlack),
-                     [&](const dvec3& value, double pdf) { add(value * weight(from_pdf, pdf)); });
+    if (walk.bounces > 0)
+      emitters->meet(walk.from, walk.from_normal, walk.ray.direction, walk.travelled * (1.0 + kShapeSlack),
+                     reached * (1.0 + kShapeSlack),
+                     [&](const dvec3& value, double pdf) { walk.add(value * weight(walk.from_pdf, pdf), out); });
     if (!is_hit) {
-      is_past_all = bounces == 0;
-      if (bounces == 0) {
-        add(emitters->sky().radiance(ray.direction));
-        break;
-      }
-      if (emitters->sky().shines()) {
-        const Emitters::Background seen = emitters->background(ray.direction);
-        add(seen.radiance * weight(from_pdf, seen.pdf));
-      }
-      emitters->meet_discs(from, from_normal, ray.direction,
-                           [&](const dvec3& value, double other) { add(value * weight(from_pdf, other)); });
-      break;
+      seen.is_past_all = walk.bounces == 0;
+      leave(walk, out);
+      return;
     }
 
-    const dvec3 to_viewer = -ray.direction;
+    const dvec3 to_viewer = -walk.ray.direction;
     Surface surface = surfaces->at(*geometry, hit, to_viewer);
     const auto pass_through = [&](const dvec3& share) {
-      beta *= share;
-      travelled = reached;
-      ray.origin = surface.foot.above(surface.is_front ? -1.0 : 1.0);
+      walk.beta *= share;
+      walk.travelled = reached;
+      walk.ray.origin = surface.foot.above(surface.is_front ? -1.0 : 1.0);
     };
     // The camera looks through backs, as rasterizers cull them; light does not.
-    if (bounces == 0 && !surface.is_front && !surface.is_double_sided) {
+    if (walk.bounces == 0 && !surface.is_front && !surface.is_double_sided) {
       pass_through(dvec3(1.0));
       continue;
     }
 
     if (surface.is_unlit) {
-      add(surface.emissive * surface.coverage);
-    } else if (!is_dark(surface.emissive) && (bounces == 0 || settings.glows)) {
-      const double pdf =
-          bounces > 0 ? emitters->pdf_triangle(from, from_normal, hit.triangle, surface.foot, ray.direction, reached)
-                      : 0.0;
-      add(surface.emissive * (surface.coverage * (bounces > 0 ? weight(from_pdf, pdf) : 1.0)));
+      walk.add(surface.emissive * surface.coverage, out);
+    } else if (!is_dark(surface.emissive) && (walk.bounces == 0 || settings.glows)) {
+      const double pdf = walk.bounces > 0 ? emitters->pdf_triangle(walk.from, walk.from_normal, hit.triangle,
+                                                                   surface.foot, walk.ray.direction, reached)
+                                          : 0.0;
+      walk.add(surface.emissive * (surface.coverage * (walk.bounces > 0 ? weight(walk.from_pdf, pdf) : 1.0)), out);
     }
-    if (is_first && settings.finds_visibility && bounces == 0 && !surface.is_blended) {
+    if (seen.is_first && settings.finds_visibility && walk.bounces == 0 && !surface.is_blended) {
       find_visibility(surface, sampler, out, counts);
-      is_first = false;
+      seen.is_first = false;
     }
 
     const dvec3 through =
         surface.is_blended ? (1.0 - surface.coverage) + surface.coverage * passed(surface, to_viewer) : dvec3(0.0);
-    if (bounces == 0) uncovered *= surface.is_blended ? 1.0 - surface.coverage : 0.0;
-    const bool can_reflect =
-        !surface.is_unlit && surface.coverage > 0.0 && (settings.most_bounces == 0 || bounces < settings.most_bounces);
+    if (walk.bounces == 0) seen.uncovered *= surface.is_blended ? 1.0 - surface.coverage : 0.0;
+    const bool can_reflect = !surface.is_unlit && surface.coverage > 0.0 &&
+                             (settings.most_bounces == 0 || walk.bounces < settings.most_bounces);
     if (!can_reflect) {
-      if (is_dark(through)) break;
+      if (is_dark(through)) return;
       pass_through(through);
       continue;
     }
     for (double& channel : surface.point.base_color) channel *= 1.0 - surface.transmission;
 
     const Shading shading(surface, to_viewer);
-    beta *= surface.coverage;
-    ++bounces;  // for what add() counts it as
-    const dvec2 choice = sampler.pair(dimension + kChoicePair);
+    walk.beta *= surface.coverage;
+    ++walk.bounces;  // for what add() counts it as
     for (const Emitters::Kind kind : Emitters::kKinds) {
       if (!emitters->has(kind)) continue;
       const std::uint32_t pair = dimension + kLightPair + static_cast<std::uint32_t>(kind);
-      const double u = kind == Emitters::Kind::kFar ? sampler.pair(dimension + kFatePair).y : choice.x;
-      add(light_directly(shading, kind, u, sampler.pair(pair), counts));
+      walk.add(light_directly(shading, kind, sampler.pair(pair), counts), out);
     }
 
-    // Pass on or reflect, by what either may bring.
-    double reflects = 1.0;
+    // Pass on or reflect, by what either may bring. The rest of the number is as even as it was.
+    dvec2 fate = sampler.pair(dimension + kFatePair);
     if (surface.is_blended) {
       dvec3 albedo;
       material->albedo(&surface.point, shading.view.z, 0, settings.has_multiple_scattering ? 1 : 0, &albedo.x);
       const double pass = largest(through), reflect = surface.coverage * largest(albedo);
-      if (!(pass + reflect > 0.0)) break;
-      reflects = reflect / (pass + reflect);
-      if (sampler.pair(dimension + kFatePair).y >= reflects) {
-        --bounces;
-        beta /= surface.coverage;
+      if (!(pass + reflect > 0.0)) return;
+      const double reflects = reflect / (pass + reflect);
+      if (fate.y >= reflects) {
+        --walk.bounces;
+        walk.beta /= surface.coverage;
         pass_through(through / (1.0 - reflects));
         continue;
       }
+      walk.beta /= reflects;
+      fate.y /= reflects;
     }
 
-    const Reflection reflection = draw(shading, sampler.pair(dimension + kMaterialPair), choice.y);
-    if (!(reflection.pdf > 0.0)) break;
-    const dvec3 direction = glm::normalize(shading.basis * reflection.light);
-    if (glm::dot(direction, surface.facet) <= 0.0) break;
-    const dvec3 f = reflection.diffuse + reflection.specular;
-    if (bounces == 1) {
-      for (glm::length_t c = 0; c < 3; ++c) diffuse_share[c] = f[c] > 0.0 ? reflection.diffuse[c] / f[c] : 0.0;
+    // Where the first surface is metal, all that the path is still worth comes by the way that it takes.
+    if (walk.bounces == 1 && settings.metal_branches > 1 && surface.point.metalness > 0.5) {
+      walk.beta /= settings.metal_branches;
+      ++walk.event;
+      for (std::uint32_t i = 0; i < settings.metal_branches; ++i) {
+        Walk branch = walk;
+        const Sampler own = sampler.branch(i, settings.metal_branches);
+        const dvec2 own_fate(fate.x, own.pair(dimension + kFatePair).y);
+        if (reflect(branch, shading, own.pair(dimension + kMaterialPair), own_fate))
+          follow(branch, own, seen, out, counts);
+      }
+      return;
     }
-    beta *= f * (reflection.light.z / (reflection.pdf * reflects));
-    if (is_dark(beta)) break;
-    if (bounces >= settings.roulette_from) {
-      const double life = std::min(3.0 * largest(beta), kLongestLife);
-      if (sampler.pair(dimension + kFatePair).x >= life) break;
-      beta /= life;
-    }
-    from = shading.origin;
-    from_normal = surface.normal;
-    from_pdf = reflection.pdf;
-    travelled = 0.0;
-    ray = {shading.origin, direction};
+    if (!reflect(walk, shading, sampler.pair(dimension + kMaterialPair), fate)) return;
   }
+}
+
+Estimate Integrator::estimate(const Ray& camera_ray, const Sampler& sampler, Counts& counts) const {
+  Estimate out;
+  Walk walk;
+  walk.ray = camera_ray;
+  Seen seen;
+  follow(walk, sampler, seen, out, counts);
+  double uncovered = seen.uncovered;
   // What lies behind a layer that reflected covers too, and is the first solid surface.
-  const bool lacks_visibility = settings.finds_visibility && is_first && !is_past_all;
-  if ((bounces > 0 && uncovered > 0.0 && uncovered < 1.0) || lacks_visibility) {
+  const bool lacks_visibility = settings.finds_visibility && seen.is_first && !seen.is_past_all;
+  if ((walk.bounces > 0 && uncovered > 0.0 && uncovered < 1.0) || lacks_visibility) {
     Ray behind = camera_ray;
     uncovered = 1.0;
     Hit hit;

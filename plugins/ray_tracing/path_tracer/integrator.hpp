@@ -11,8 +11,9 @@ constexpr std::int32_t kShadowOfAll = -2;  // of Settings::shadow_light
 
 struct Settings {
   Points points = Points::kSobol;
-  std::uint32_t most_bounces = 0;   // times that light is reflected; 0: as often as it is
-  std::uint32_t roulette_from = 3;  // bounces that no path is ended before
+  std::uint32_t most_bounces = 0;    // times that light is reflected; 0: as often as it is
+  std::uint32_t roulette_from = 3;   // bounces that no path is ended before
+  std::uint32_t metal_branches = 2;  // paths that go on from the first surface if that is metal
   bool has_multiple_scattering = true;
   bool glows = true;                // surfaces that glow light others, not only the camera
   bool has_blended_shadows = true;  // light that passes through blended surfaces is tinted by them
@@ -50,8 +51,16 @@ class Integrator {
 
  private:
   struct Shading;
-  [[nodiscard]] glm::dvec3 light_directly(const Shading& shading, Emitters::Kind kind, double u_choice,
-                                          const glm::dvec2& u, Counts& counts) const;
+  struct Walk;
+  struct Seen;
+  /// The background, for a path that meets nothing any more.
+  void leave(const Walk& walk, Estimate& out) const;
+  /// Sends the path on as the material draws; `fate`: for roulette, and for the lobe. False: it ends here.
+  [[nodiscard]] bool reflect(Walk& walk, const Shading& shading, const glm::dvec2& u, const glm::dvec2& fate) const;
+  /// From surface to surface until it ends.
+  void follow(Walk& walk, const Sampler& sampler, Seen& seen, Estimate& out, Counts& counts) const;
+  [[nodiscard]] glm::dvec3 light_directly(const Shading& shading, Emitters::Kind kind, const glm::dvec2& u,
+                                          Counts& counts) const;
   [[nodiscard]] glm::dvec3 transmittance(Ray ray, Counts& counts) const;
   /// What the material does with one direction of light.
   struct Reflection {

@@ -233,6 +233,7 @@ LightTree::Choice LightTree::choose(const dvec3& point, const dvec3& normal, dou
   // The root of one emitter has not been asked.
   if (self == 0 && !(nodes_[0].reach.importance(point, normal) > 0.0)) return {};
   choice.emitter = nodes_[self].emitter;
+  choice.rest = u;
   return choice;
 }
 

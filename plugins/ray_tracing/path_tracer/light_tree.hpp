@@ -53,6 +53,7 @@ class LightTree {
   struct Choice {
     std::uint32_t emitter = 0;
     double probability = 0.0;  // 0: nothing arrives at this point
+    double rest = 0.0;         // of u, as even as u was
   };
   [[nodiscard]] Choice choose(const glm::dvec3& point, const glm::dvec3& normal, double u) const;
   /// With which choose() answers this emitter.

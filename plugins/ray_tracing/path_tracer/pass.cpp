@@ -54,7 +54,7 @@ constexpr double kSkyLadder[] = {64, 128, 256, 512, 1024};
 
 constexpr heddle_parameter kParameters[] = {
     knob(integer("samples", "1", 1, 1000000, 64,
-                 "paths a pixel; powers of two times 4 fill the square most evenly; a checkpoint of more "
+                 "paths a pixel; powers of four times 2 fill the square most evenly; a checkpoint of more "
                  "is shown whole"),
          kSampleLadder),
     parameter("target_error", "1", 0, 1, 0,
@@ -65,6 +65,7 @@ constexpr heddle_parameter kParameters[] = {
     choice("filter", kFilters, 0, "box: rays anywhere in the pixel; point: through its centre, as rasterizers look"),
     knob(integer("bounces", "1", 0, 65535, 0, "reflections of light, at most; 0: as many as there are"), kBounceLadder),
     integer("roulette_from", "1", 1, 65535, 4, "reflections that no path is ended before by chance"),
+    integer("metal_branches", "1", 1, 64, 2, "paths that go on from the first surface, where that is metal"),
     toggle("multiple_scattering", true, "as surface_material/ggx's parameter, which must be the same"),
     choice("emission", kGlow, 0,
            "what glows lights others (lights), or is seen by the camera alone, where lights stand for it (seen)"),
@@ -99,7 +100,7 @@ constexpr heddle_shader kShaders[] = {compute_shader("sky", "sky", "sky.comp.gls
 /// Paths, at most, and tiles that are traced before the host is asked whether to go on: within about a second.
 constexpr std::uint32_t kPathsAStep = 1U << 16U, kTilesAStep = 64;
 /// Of what a sample is: to be raised with every change of its bytes, so that no checkpoint mixes two.
-constexpr int kVersion = 3;
+constexpr int kVersion = 4;
 /// Samples of each pixel between two looks at the error.
 constexpr std::uint32_t kLeastRound = kReplicates;
 
@@ -340,6 +341,7 @@ class PathTracer {
     settings.points = static_cast<Points>(host.choice("points"));
     settings.most_bounces = static_cast<std::uint32_t>(host.integer("bounces"));
     settings.roulette_from = static_cast<std::uint32_t>(host.integer("roulette_from"));
+    settings.metal_branches = static_cast<std::uint32_t>(host.integer("metal_branches"));
     settings.has_multiple_scattering = host.toggle("multiple_scattering");
     settings.glows = glows;
     settings.has_blended_shadows = host.toggle("blended_shadows");
@@ -415,7 +417,8 @@ class PathTracer {
     add("points", std::string("\"") + kPoints[host.choice("points")] + "\"");
     add("filter", std::string("\"") + kFilters[host.choice("filter")] + "\"");
     add("emission", std::string("\"") + kGlow[host.choice("emission")] + "\"");
-    for (const char* name : {"bounces", "roulette_from", "shadow_light"}) add(name, std::to_string(host.integer(name)));
+    for (const char* name : {"bounces", "roulette_from", "metal_branches", "shadow_light"})
+      add(name, std::to_string(host.integer(name)));
     for (const char* name : {"multiple_scattering", "blended_shadows", "visibility"})
       add(name, host.toggle(name) ? "true" : "false");
     char radius[32];
@@ -479,8 +482,8 @@ class PathTracer {
   }
 
   [[nodiscard]] bool has_reached(double target) const {
-    // Fewer than 4 points a scrambling say too little about their own error.
-    return target > 0.0 && film_.samples() >= 4 * kReplicates && film_.error().relative <= target;
+    // Fewer than 8 points a scrambling say too little about their own error.
+    return target > 0.0 && film_.samples() >= 8 * kReplicates && film_.error().relative <= target;
   }
 
   /// Until every pixel has `samples`, in steps of at most kPathsAStep paths: a few samples of all tiles, then the next.

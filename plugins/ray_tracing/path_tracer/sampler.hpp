@@ -10,7 +10,7 @@ enum class Points : std::uint32_t { kSobol = 0, kIndependent = 1 };
 
 /// Samples of a pixel are dealt to this many scramblings in turn, so that their spread says how wrong their mean is:
 /// points of one scrambling are not independent.
-inline constexpr std::uint32_t kReplicates = 4;
+inline constexpr std::uint32_t kReplicates = 2;
 
 /// The numbers of one path. Dimensions are numbered by what they are for, not by when they are asked for.
 class Sampler {
@@ -20,6 +20,14 @@ class Sampler {
         index_(static_cast<std::uint32_t>(sample / kReplicates)),
         reversed_(sampling::reverse_bits(index_)),
         seed_(sampling::mix_bits(pixel_seed + 0x9e3779b97f4a7c15ULL * (sample % kReplicates + 1))) {}
+
+  /// Of `count` samples that this one becomes, number `i`.
+  [[nodiscard]] Sampler branch(std::uint32_t i, std::uint32_t count) const {
+    Sampler own = *this;
+    own.index_ = index_ * count + i;
+    own.reversed_ = sampling::reverse_bits(own.index_);
+    return own;
+  }
 
   /// Pair `dimension` of this sample. Burley 2020, section 5: each pair of dimensions takes the points of the plane in
   /// an order of its own, shuffled so that any power of two of them from the first on still fills the square evenly.

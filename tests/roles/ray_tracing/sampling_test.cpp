@@ -253,7 +253,7 @@ TEST(PathTracerSamples, AnyPowerOfTwoOfAScramblingFillsTheSquareEvenly) {
       for (std::uint32_t across = 0; across <= log2; ++across) {
         std::vector<int> boxes(count, 0);
         for (std::uint32_t i = 0; i < count; ++i) {
-          const dvec2 u = Sampler(Points::kSobol, 1234, std::uint64_t{i} * kReplicates + 3).pair(dimension);
+          const dvec2 u = Sampler(Points::kSobol, 1234, std::uint64_t{i} * kReplicates + 1).pair(dimension);
           const auto x = static_cast<std::size_t>(u.x * (1U << across));
           const auto y = static_cast<std::size_t>(u.y * (1U << (log2 - across)));
           ++boxes[x * (std::size_t{1} << (log2 - across)) + y];
