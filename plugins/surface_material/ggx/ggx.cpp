@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A surface point and directions -> BRDF, samples, densities and albedos in float64. Equations (1) to (10) of
+// A surface point and directions -> BRDF, samples, densities and albedos in float64. Equations (1) to (11) of
 // README.md.
 #include "ggx.hpp"
 
@@ -30,9 +30,6 @@ Vec3 scaled(const Vec3& v, double factor) {
 }
 Vec3 normalized(const Vec3& v) {
   return scaled(v, 1.0 / std::max(std::sqrt(dot(v, v)), 1e-300));
-}
-Vec3 cross(const Vec3& a, const Vec3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 Vec3 vector_from(const double v[3]) {
   return {v[0], v[1], v[2]};
@@ -146,14 +143,18 @@ struct View {
   View(const Material& material, double cosine)
       : albedo(directional_albedo(std::clamp(cosine, 0.0, 1.0), material.alpha, material.row)),
         root(smith_root(std::min(cosine, 1.0), material.alpha)),
-        per_visible(0.5 / (cosine + root)),
         left(material.left(albedo)) {
+    const double a2 = material.alpha * material.alpha, c2 = std::min(cosine * cosine, 1.0);
+    const double s = 1.0 + std::sqrt(1.0 - c2), s2 = s * s;
+    cap = (1.0 - a2) * s2 / (s2 + a2 * c2);
+    per_visible = 0.5 / (cap * cosine + root);
     const Vec3 albedos = material.mean_albedos(albedo);
     const double sum = albedos[0] + albedos[1] + albedos[2];
     specular_share = sum > 0.0 ? albedos[0] / sum : 1.0;
   }
   Albedo albedo;
   double root = 1.0;
+  double cap = 1.0;          // (11): how far below the stretched equator there are normals that reflect upwards
   double per_visible = 1.0;  // density of a visible normal's reflection over D: finite at NoV = 0
   double left = 0.0;
   double specular_share = 1.0;  // of samples, that go to the visible normals; the others follow the cosine
@@ -173,18 +174,17 @@ struct Kept {
 
   /// With the view of this cosine, >= 0; valid until the next call.
   const Entry& at(const heddle_surface_point& point, double cosine) {
-    Entry& entry = entries[hash(point) >> (64U - kEntriesLog2)];
-    const heddle_surface_point& last = entry.point;
-    const bool is_same = last.struct_size != 0 && last.base_color[0] == point.base_color[0] &&
-                         last.base_color[1] == point.base_color[1] && last.base_color[2] == point.base_color[2] &&
-                         last.metalness == point.metalness && last.roughness == point.roughness &&
-                         last.ior == point.ior;
-    if (!is_same) {
-      entry.point = point;
-      entry.point.struct_size = sizeof point;
-      entry.cosine = -1.0;
-      entry.material = Material(point);
+    if (!is_same(entries[last].point, point)) {
+      last = hash(point) >> (64U - kEntriesLog2);
+      Entry& other = entries[last];
+      if (!is_same(other.point, point)) {
+        other.point = point;
+        other.point.struct_size = sizeof point;
+        other.cosine = -1.0;
+        other.material = Material(point);
+      }
     }
+    Entry& entry = entries[last];
     if (entry.cosine != cosine) {
       entry.view = View(entry.material, cosine);
       entry.cosine = cosine;
@@ -193,6 +193,13 @@ struct Kept {
   }
 
  private:
+  std::uint64_t last = 0;  // asked for
+
+  static bool is_same(const heddle_surface_point& kept, const heddle_surface_point& point) {
+    return kept.struct_size != 0 && kept.base_color[0] == point.base_color[0] &&
+           kept.base_color[1] == point.base_color[1] && kept.base_color[2] == point.base_color[2] &&
+           kept.metalness == point.metalness && kept.roughness == point.roughness && kept.ior == point.ior;
+  }
   static std::uint64_t hash(const heddle_surface_point& point) {
     std::uint64_t sum = 0;
     for (const double value :
@@ -256,30 +263,23 @@ double pdf(const heddle_surface_point* point, const double view[3], const double
   return evaluate_point(*point, view, light, false).pdf;
 }
 
-/// `share`: View::specular_share. False: reflected into the surface.
-bool sample_material(const Material& material, double share, const double view[3], const double u[2], double u_lobe,
+/// False: reflected into the surface.
+bool sample_material(const Material& material, const View& seen, const double view[3], const double u[2], double u_lobe,
                      Vec3& L) {
-  if (view[2] < 0.0) return false;
-  const double radius = std::sqrt(u[0]), angle = 2.0 * pi * u[1];
-  if (u_lobe < share) {
-    // Heitz 2018, listing 1: the visible part of a hemisphere, stretched.
+  const double angle = 2.0 * pi * u[1], cosine = std::cos(angle), sine = std::sin(angle);
+  if (u_lobe < seen.specular_share) {
+    // Normals as halves between the stretched view and a direction of the cap that it sees.
     const double alpha = material.alpha;
-    const Vec3 stretched = normalized({alpha * view[0], alpha * view[1], view[2]});
-    const double flat = stretched[0] * stretched[0] + stretched[1] * stretched[1];
-    const Vec3 T1 =
-        flat > 0.0 ? scaled({-stretched[1], stretched[0], 0.0}, 1.0 / std::sqrt(flat)) : Vec3{1.0, 0.0, 0.0};
-    const Vec3 T2 = cross(stretched, T1);
-    const double t1 = radius * std::cos(angle);
-    const double part = 0.5 * (1.0 + stretched[2]);
-    const double t2 = (1.0 - part) * std::sqrt(1.0 - t1 * t1) + part * radius * std::sin(angle);
-    const double t3 = std::sqrt(std::max(0.0, 1.0 - t1 * t1 - t2 * t2));
-    Vec3 H;
-    for (std::size_t i = 0; i < 3; ++i) H[i] = t1 * T1[i] + t2 * T2[i] + t3 * stretched[i];
-    H = normalized({alpha * H[0], alpha * H[1], std::max(0.0, H[2])});
+    const Vec3 stretched = scaled({alpha * view[0], alpha * view[1], view[2]}, 1.0 / seen.root);
+    const double lowest = seen.cap * stretched[2];
+    const double z = (1.0 - u[0]) * (1.0 + lowest) - lowest, radius = std::sqrt(std::max(0.0, 1.0 - z * z));
+    const Vec3 H = normalized(
+        {alpha * (stretched[0] + radius * cosine), alpha * (stretched[1] + radius * sine), stretched[2] + z});
     const double VoH = dot(vector_from(view), H);
     for (std::size_t i = 0; i < 3; ++i) L[i] = 2.0 * VoH * H[i] - view[i];
   } else {
-    L = {radius * std::cos(angle), radius * std::sin(angle), std::sqrt(std::max(0.0, 1.0 - u[0]))};
+    const double radius = std::sqrt(u[0]);
+    L = {radius * cosine, radius * sine, std::sqrt(std::max(0.0, 1.0 - u[0]))};
   }
   return L[2] > 0.0;
 }
@@ -289,7 +289,7 @@ bool sample_point(const heddle_surface_point& point, const double view[3], const
                   bool is_compensated, Vec3& L, Parts& parts) {
   if (!(view[2] >= 0.0)) return false;
   const Kept::Entry& kept = kept_of(point, view[2]);
-  if (!sample_material(kept.material, kept.view.specular_share, view, u, u_lobe, L)) return false;
+  if (!sample_material(kept.material, kept.view, view, u, u_lobe, L)) return false;
   parts = evaluate_material(kept.material, kept.view, vector_from(view), L, is_compensated);
   return true;
 }
