@@ -7,6 +7,7 @@ import math
 import pathlib
 from collections.abc import Sequence
 
+from . import metrics
 from .study import Point, Study
 
 WHY_NONE = ("matplotlib is not installed, so there is no chart; the numbers are in the tables\n"
@@ -175,7 +176,9 @@ def why_none(study: Study, rows: list[dict]) -> str:
 def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str) -> list[tuple[float, float, str]]:
     """Answers where points lie and what is to be written beside them, by write_values() once the axes have their size."""
     found = {(row["variant"], row["knobs"], row["quantity"]): row for row in rows if row.get("value") is not None}
-    front, dominated, lane, labels = [], [], [], []
+    dominated, lane, labels = [], [], []
+    is_higher_better = {each["name"]: each["better"] for each in metrics()}.get(metric) == "higher"
+    sign = -1.0 if is_higher_better else 1.0
     for number, ((variant, own_knobs), points) in enumerate(ladders_of(study).items()):
         drawn, exact = [], []
         style = {"capsize": 2, "color": COLORS[number % len(COLORS)], "marker": MARKERS[number % len(MARKERS)], "markersize": 5,
@@ -183,13 +186,11 @@ def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str)
         for point in points:
             knobs = " ".join(f"{knob}={value}" for knob, value in point.knobs)
             time, error = found.get((variant, knobs, quantity)), found.get((variant, knobs, metric))
-            if time and error and time["value"] > 0 and error["value"] == 0:
+            if time and error and time["value"] > 0 and error["value"] == 0 and not is_higher_better:
                 exact.append(time)
             if time and error and time["value"] > 0 and error["value"] > 0:
                 drawn.append((time, error, ", ".join(str(value) for _, value in point.knobs)))
                 dominated += [drawn[-1]] if error.get("dominated_by") else []
-                if error.get("is_on_front") and quantity == "frame":
-                    front.append((time["value"], error["value"]))
         lane += [(exact, f"{variant}: without error", style)] if exact else []
         if not drawn:
             continue
@@ -202,19 +203,33 @@ def draw_scene(axes, study: Study, rows: list[dict], quantity: str, metric: str)
     if dominated:
         axes.plot([t["value"] for t, _, _ in dominated], [e["value"] for _, e, _ in dominated], "x", color="black", markersize=9,
                   label="dominated by a cheaper rung, beyond the noise")
+    # Points without error are in the lane: what is slower than one of them is on no front.
+    exact_times = [each["value"] for times, _, _ in lane for each in times]
+    front = [(x, sign * y) for x, y in front_of([(x, sign * y) for x, y, _ in labels]) if all(x < time for time in exact_times)]
     if len(front) > 1:
-        front.sort()
         axes.step([x for x, _ in front], [y for _, y in front], where="post", color="0.5", linestyle=":", linewidth=1.5,
-                  zorder=0, label="no other point beats these in the frame's time")
+                  zorder=0, label="no other point beats these in this time and the error, by their middles")
     axes.set(xscale="log", yscale="log")
+    axes.set_axisbelow(True)  # the grid; else it would cross the lane
     axes.margins(0.12)
     least = axes.get_ylim()[0]
     if lane:
         draw_lane(axes, lane)
     plain_numbers(axes.xaxis)
     plain_numbers(axes.yaxis, least)
+    if is_higher_better:
+        axes.invert_yaxis()  # down is more accurate in every chart
     axes.grid(True, which="both", alpha=0.25)
     return labels
+
+
+def front_of(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    """(time, error) of those that no other one beats in both, lower being better, from the fastest on."""
+    found: list[tuple[float, float]] = []
+    for time, error in sorted(set(points)):
+        if not found or error < found[-1][1]:
+            found.append((time, error))
+    return found
 
 
 LABEL_POINTS = 6.5  # of type
@@ -267,17 +282,27 @@ def number_text(value: float, ticks: Sequence[float]) -> str:
 
 
 def plain_numbers(axis, least: float = 0.0) -> None:
-    """0.02 and 50 instead of powers of ten; between these the finest even steps for which there is room. Below `least` there
-    are none."""
+    """0.02 and 50 instead of powers of ten; between these the finest even steps for which there is room, all over a view of less
+    than a factor of 3. Below `least` there are none."""
     from matplotlib import ticker
 
     low, high = axis.get_view_interval()
+    if 0 < high < 3 * low:
+        axis.set_major_locator(ticker.MaxNLocator(MOST_NUMBERS - 1, steps=[1, 2, 2.5, 5, 10]))
+        style_numbers(axis, least)
+        return
     steps: tuple[float, ...] = ()
     for steps in (tuple(n / 5 for n in range(5, 50)), tuple(n / 2 for n in range(2, 20)), tuple(range(1, 10)), (1, 2, 5), (1,)):
         decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1) if 0 < low < high else range(0)
         if sum(low <= step * 10.0**decade <= high for decade in decades for step in steps) <= MOST_NUMBERS:
             break
     axis.set_major_locator(ticker.LogLocator(subs=steps, numticks=50))
+    style_numbers(axis, least)
+
+
+def style_numbers(axis, least: float) -> None:
+    from matplotlib import ticker
+
     axis.set_minor_locator(ticker.NullLocator())
     axis.set_major_formatter(ticker.FuncFormatter(lambda value, _: number_text(value, axis.get_majorticklocs()) if value >= least else ""))
     axis.set_tick_params(which="both", labelsize=8)

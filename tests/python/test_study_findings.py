@@ -422,3 +422,8 @@ def test_fewer_lights_shine_in_the_same_street(host):
             counts[lights] = scene.describe()["counts"]
     assert counts[32]["lights"] == 32 and counts[512]["lights"] == 512
     assert counts[32]["triangles"] == counts[512]["triangles"] and counts[32]["instances"] == counts[512]["instances"]
+
+
+def test_the_front_of_a_chart_is_what_no_other_point_beats_in_its_own_time():
+    assert study_chart.front_of([(3, 1), (1, 5), (2, 5), (2, 3), (4, 1), (5, 0.5)]) == [(1, 5), (2, 3), (3, 1), (5, 0.5)]
+    assert study_chart.front_of([(1, 1), (1, 1)]) == [(1, 1)] and study_chart.front_of([]) == []
