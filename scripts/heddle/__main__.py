@@ -7,6 +7,7 @@ A scene file defines `build(scene)`, called with an empty heddle.Scene, and if t
 
 import argparse
 import contextlib
+import difflib
 import importlib.util
 import json
 import os
@@ -702,10 +703,36 @@ def joined(words: list[str]) -> list[str]:
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in a line, as all other errors are said, and not how the command is used."""
+    """Says what is wrong as all other errors are said - what was found, what is expected, what is near - and not how the whole
+    command is used."""
 
     def error(self, message: str) -> NoReturn:
-        self.exit(2, f"error: {message.removeprefix('argument ')}\n  help:     {self.prog} --help\n")
+        message = message.removeprefix("argument ")
+        if choice := re.fullmatch(r"([^:]+): invalid choice: '(.*)' \(choose from (.*)\)", message, re.DOTALL):
+            self.refuse(f"{choice[1]} has no '{choice[2]}'", choice[2], choice[3].replace("'", "").split(", "))
+        self.exit(2, f"error: {message}\n  help:     {self.prog} --help\n")
+
+    def refuse_option(self, word: str) -> NoReturn:
+        """One that the command does not have: by its letters the nearest, else the one that is called so elsewhere."""
+        word, _, _ = word.partition("=")
+        known = sorted({option for action in self._actions for option in action.option_strings if option.startswith("--")})
+        others = [f"--{name}" for name in OTHER_NAMES.get(word.lstrip("-"), ())]
+        self.refuse(f"{self.prog} has no option '{word}'", word, known, next((each for each in others if each in known), None))
+
+    def refuse(self, message: str, word: str, known: list[str], near: str | None = None) -> NoReturn:
+        near = near or next(iter(difflib.get_close_matches(word, known, 1)), None)
+        self.exit(2, f"error: {message}\n  expected: one of {', '.join(known)}\n  help:     "
+                  + (f"did you mean '{near}'? " if near else "") + f"{self.prog} --help says what they do\n")
+
+
+# What an option is called in one command, or in another program, and in a command that lacks it.
+OTHER_NAMES = {
+    "output": ("folder",), "out": ("folder", "output"), "o": ("folder", "output"), "dir": ("folder",), "directory": ("folder",),
+    "folder": ("output",), "results": ("folder",), "repeats": ("rounds",), "runs": ("rounds", "repeats"),
+    "samples": ("rounds", "repeats"), "rounds": ("repeats",), "minutes": ("budget",), "param": ("set",), "params": ("set",),
+    "size": ("set",), "extent": ("set",), "resolution": ("set",), "width": ("set",), "height": ("set",), "gpu": ("device",),
+    "metrics": ("metric",), "silent": ("quiet",), "ports": ("port",),
+}
 
 
 def main() -> int:
@@ -863,20 +890,21 @@ def main() -> int:
     # Files and pixels may stand behind options too, where argparse leaves them over.
     try:
         arguments, words = parser.parse_known_args(joined(sys.argv[1:]))
+        own = commands.choices[arguments.command]
         if unknown := [word for word in words if word.startswith("-")]:
-            parser.error(f"unrecognized arguments: {' '.join(unknown)}")
+            own.refuse_option(unknown[0])
     except SystemExit as ended:
         # argparse's 2 would be a gate's "undecided".
         if ended.code == 2 and "--gate" in sys.argv[2:] and sys.argv[1] == "study":
             return 4
         raise
     if words and not hasattr(arguments, "files"):
-        parser.error(f"unrecognized arguments: {' '.join(words)}")
+        own.error(f"{' '.join(words)!r}: there is nothing more to say than this command takes")
     if words:
         arguments.files += words
     for option in ("environment_scale", "environment_rotation"):
         if getattr(arguments, option, None) is not None and arguments.environment is None:
-            parser.error(f"--{option.replace('_', '-')} requires --environment")
+            own.error(f"--{option.replace('_', '-')} requires --environment")
     stop_on_signals()
     try:
         return arguments.body(arguments)

@@ -26,11 +26,20 @@ def test_there_is_at_least_one_frame(command, words, count):
     (["run", "cornell_box.py", "--seed", "1.5"], "error: --seed: '1.5' is no whole number"),
     (["tune", "cornell_box.py", "--time", "abc"], "error: --time: 'abc' is no number"),
     (["tune", "cornell_box.py", "--budget", "-4ms"], "error: --budget '-4ms' is no time of a frame"),
-    (["run", "cornell_box.py", "--frame", "3"], "error: unrecognized arguments: --frame"),
 ], ids=lambda value: " ".join(value) if isinstance(value, list) else "")
 def test_a_wrong_value_is_one_error_without_usage(command, words, first):
     lines = said(command, *words)
     assert lines[0] == first and len(lines) == 2
+
+
+@pytest.mark.parametrize("words, option, nearest", [
+    (["run", "cornell_box.py", "--frame", "3"], "--frame", "--frames"),
+    (["run", "cornell_box.py", "--folder=x"], "--folder", "--output"),
+], ids=lambda value: " ".join(value) if isinstance(value, list) else "")
+def test_an_unknown_option_is_told_with_those_that_there_are(command, words, option, nearest):
+    lines = said(command, *words)
+    assert lines[0] == f"error: heddle {words[0]} has no option '{option}'" and lines[1].startswith("  expected: one of --")
+    assert lines[2] == f"  help:     did you mean '{nearest}'? heddle {words[0]} --help says what they do" and len(lines) == 3
 
 
 @pytest.mark.parametrize("words, first, nearest", [

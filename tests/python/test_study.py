@@ -658,7 +658,11 @@ def test_a_gate_is_for_what_is_worse(verdicts, states, status):
 
 
 @pytest.mark.parametrize(("words", "status", "said"), [
-    (["--gtae"], 2, "unrecognized arguments: --gtae"), (["--gate", "--rounds", "x"], 4, "'x' is no whole number"),
+    (["--gtae"], 2, "error: heddle study has no option '--gtae'\n  expected: one of --budget, "),
+    (["--gtae"], 2, "\n  help:     did you mean '--gate'? heddle study --help says what they do\n"),
+    (["--output", "here"], 2, "\n  help:     did you mean '--folder'? "), (["--repeats=9"], 2, "did you mean '--rounds'? "),
+    (["--climb", "eahc"], 2, "error: --climb has no 'eahc'\n  expected: one of together, each\n  help:     did you mean 'each'? "),
+    (["--gate", "--rounds", "x"], 4, "'x' is no whole number"),
     (["--gate", "--rounds", "3"], 4, "error: --rounds 3"), (["--rounds", "3"], 2, "error: --rounds 3"),
     (["--folder", "/proc/nope"], 4, "error: the folder '/proc/nope' for the results cannot be made"),
     (["--gate", "--folder", "/proc/nope"], 4, "error: the folder '/proc/nope'")])
