@@ -36,6 +36,9 @@ def read_reference(reader: Reader, given: Any, graph: str, settings: tuple[str, 
     parts = table.get("parts", 8)
     if not 1 <= parts <= 1000:
         reader.fail(("reference", "parts"), "'parts' is out of range", found=f"{parts}", expected="1 to 1000")
+    if parts == 1:
+        reader.warn(("reference", "parts"), "of one rendering nobody knows how sure it is, and no verdict asks",
+                    found="parts = 1", help="2 or more; of those without randomness no more than two are made")
     own = tuple(table.get("set", []))
     if truth == "physical":
         return read_physical(reader, own_graph, settings, own, role, pass_name, port, parts)

@@ -96,6 +96,13 @@ def test_a_point_of_another_radius_than_its_truth_is_told_at_its_line(host, tmp_
     assert definition.read(host, written(tmp_path, same)).warnings == ()
 
 
+def test_a_reference_of_one_part_is_warned_of(host, tmp_path):
+    alike = OCCLUSION.replace('"ao.params.radius=1"', '"ao.params.radius=0.3"').replace("parts = 4", "parts = 1")
+    assert [text.replace(str(tmp_path), "") for text in definition.read(host, written(tmp_path, alike)).warnings] == [
+        "/small.toml:21:1: warning: of one rendering nobody knows how sure it is, and no verdict asks\n  found:    parts = 1\n"
+        "  help:     2 or more; of those without randomness no more than two are made"]
+
+
 def test_what_is_true_is_a_word_or_a_table(host, tmp_path):
     assert "/small.toml:1:1: error: 'reference' says what is true\n  found:    reference = 3" in refusal(
         host, tmp_path, 'reference = 3\nrole = "sky"\n[[scene]]\nfile = "cornell_box.py"\n[[variant]]\nname = "it"\n')
