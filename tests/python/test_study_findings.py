@@ -12,7 +12,7 @@ import heddle
 from heddle import cost_model, domination, leave_one_out, side_times
 from heddle import statistics as s
 from heddle import study as definition
-from heddle import study_items, study_rows, study_run
+from heddle import study_chart, study_items, study_rows, study_run
 from heddle.study import Point
 
 SCENE = argparse.Namespace(name="box")
@@ -310,7 +310,6 @@ def test_a_scene_of_the_command_line_that_is_not_there_is_said_there(host, tmp_p
 
 
 def test_a_ladder_has_a_line_of_its_own(host, tmp_path, monkeypatch):
-    from heddle import study_chart
 
     study = dataclasses.replace(read(host, tmp_path, FILE + 'climb = "each"\n'), metrics=("rmse",))
     rows = [{"scene": "box", "variant": "v", "knobs": point.name[2:], "quantity": quantity, "value": value + i, "low": value + i,
@@ -332,7 +331,6 @@ def test_a_ladder_has_a_line_of_its_own(host, tmp_path, monkeypatch):
 @pytest.mark.parametrize(("low", "high"), [(5400.08, 5400.12), (1.0, 1.0 + 1e-7), (0.02, 50.0), (99.0, 101.0)])
 def test_no_two_numbers_of_an_axis_are_alike(low, high):
     """However narrow the view: each number lies nearer to its own tick than to half of the way to the next."""
-    from heddle import study_chart
 
     plt = study_chart.pyplot()
     figure, axes = plt.subplots(figsize=(6, 4))
@@ -349,7 +347,6 @@ def test_no_two_numbers_of_an_axis_are_alike(low, high):
 
 
 def test_values_beside_points_lie_over_nothing(tmp_path):
-    from heddle import study_chart
 
     plt = study_chart.pyplot()
     figure, axes = plt.subplots(figsize=(4, 3))
@@ -368,7 +365,6 @@ def test_values_beside_points_lie_over_nothing(tmp_path):
 
 
 def test_a_point_without_error_has_a_lane_of_its_own(host, tmp_path, monkeypatch):
-    from heddle import study_chart
 
     study = dataclasses.replace(read(host, tmp_path, FILE), metrics=("rmse",), unit="cd/m^2")
     rows = [{"scene": "box", "variant": "v", "knobs": point.name[2:], "quantity": quantity, "value": value, "low": value, "high": value}
@@ -391,7 +387,6 @@ def lit_study(host, tmp_path, arguments):
 
 
 def test_scenes_that_differ_in_one_number_are_an_axis(host, tmp_path):
-    from heddle import study_chart
 
     study = lit_study(host, tmp_path, ["{ size = 1 }", "{ size = 4 }", "{ size = 2.5 }"])
     assert study_chart.arguments_of(study) == ("size", {"box size=1": 1.0, "box size=4": 4.0, "box size=2.5": 2.5})
@@ -404,7 +399,6 @@ def test_scenes_that_differ_in_one_number_are_an_axis(host, tmp_path):
 
 
 def test_other_scenes_are_none(host, tmp_path):
-    from heddle import study_chart
 
     assert study_chart.arguments_of(read(host, tmp_path, FILE)) is None
     assert study_chart.arguments_of(lit_study(host, tmp_path, ["{ size = -1 }", "{ size = 2 }"])) is None  # no logarithm
