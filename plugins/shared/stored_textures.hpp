@@ -5,7 +5,6 @@
 #include <heddle/stores.h>
 #include <heddle/pass.hpp>
 
-#include <bit>
 #include <string>
 #include <vector>
 
@@ -49,31 +48,25 @@ class StoredTextures {
   [[nodiscard]] heddle_store* file() const { return file_; }
   [[nodiscard]] const std::vector<std::byte>& artifact() const { return artifact_; }
 
-  [[nodiscard]] std::uint64_t offset_of(std::uint32_t texture, std::uint32_t level, std::uint32_t x,
-                                        std::uint32_t y) const {
-    const StoredTexture& of = store_.textures[texture];
-    const auto n = static_cast<std::uint32_t>(std::countr_zero(of.extent / store_.header.tile));
-    return of.first + tiles_before(n, level, x, y) * store_.stride();
-  }
-
   /// Bytes of a tile that have come: are they what was written?
   heddle_status check(const pass::PassHost& host, std::uint32_t texture, std::uint32_t level, std::uint32_t x,
                       std::uint32_t y, std::span<const std::byte> bytes) const {
-    const std::string damage = damage_of(store_, place_of(texture, level, x, y), bytes);
+    const std::string damage = damage_of(store_, store_.mark_of(texture, level, x, y), bytes);
     if (damage.empty()) return HEDDLE_OK;
     return host.fail(HEDDLE_BAD_INPUT, std::string("the store ") + service_->file(host.raw(), file_) +
                                            " was changed since it was made: tile " + std::to_string(x) + ", " +
                                            std::to_string(y) + " of level " + std::to_string(level) + " of texture " +
                                            std::to_string(texture) + ", " + std::to_string(store_.tile_bytes()) +
-                                           " bytes at " + std::to_string(offset_of(texture, level, x, y)) + ": " +
-                                           damage + "; remove the file: the job makes it again");
+                                           " bytes at " + std::to_string(store_.offset_of(texture, level, x, y)) +
+                                           ": " + damage + "; remove the file: the job makes it again");
   }
 
   /// Waits for it; texels as they are stored, with the border.
   heddle_status read(const pass::PassHost& host, std::uint32_t texture, std::uint32_t level, std::uint32_t x,
                      std::uint32_t y, std::vector<std::byte>& out) const {
     out.resize(store_.tile_bytes());
-    heddle_status status = service_->read(host.raw(), file_, offset_of(texture, level, x, y), out.data(), out.size());
+    heddle_status status =
+        service_->read(host.raw(), file_, store_.offset_of(texture, level, x, y), out.data(), out.size());
     if (status == HEDDLE_OK) status = check(host, texture, level, x, y, out);
     out.resize(store_.texel_bytes());
     return status;

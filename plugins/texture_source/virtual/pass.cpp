@@ -35,8 +35,8 @@ constexpr const char* kSpacings[] = {"16", "8", "4", "2", nullptr};
 constexpr std::uint32_t kSpacingLog2[] = {4, 3, 2, 1};
 constexpr const char* kUploads[] = {"one_copy", "copy_each", nullptr};
 constexpr const char* kTables[] = {"gpu", "cpu", nullptr};
-constexpr const char* kQueries[] = {"view", "tree", "both", nullptr};
-enum : std::uint32_t { kView, kTree };
+constexpr const char* kQueries[] = {"view", "tree", "both", "draws", "map", nullptr};
+enum : std::uint32_t { kView, kTree, kBoth, kDraws, kMap };
 constexpr double kFilterLadder[] = {0, 1, 2};
 constexpr double kAnisotropyLadder[] = {1, 2, 4, 8, 16};
 constexpr double kUploadsLadder[] = {4, 8, 16, 32, 64};
@@ -66,7 +66,9 @@ constexpr heddle_parameter kParameters[] = {
         HEDDLE_PARAMETER_REDECLARE),
     choice("query", kQueries, 0,
            "what says which tiles are wanted: pixels that are drawn; a tree over the texture that knows where in the "
-           "world it lies, for input eye; both"),
+           "world it lies, for input eye; both; draws: all that an instance shows, by the distance of its nearest "
+           "place; map: "
+           "every texel of a map over the texture, by where it lies"),
     toggle("turning", false, "tree: also what lies around and behind, for a view that turns"),
     integer("window", "1", 1, 1024, 64, "frames for which a tile is wanted after a pixel has asked for it"),
     integer("read_frames", "1", 1, 16, 2, "from the wish for a stored tile to its arrival, at least"),
@@ -341,7 +343,17 @@ class Virtual {
     const double bias = host.choice("filtering") == kTrilinear ? 1.0 : host.parameter("bias");
     const std::size_t before = asked_.size();
     // More than there are slots would only be coarsened.
-    for (UvTree& tree : trees_) tree.query(looker, bias, std::size_t{in_row_} * in_row_ * kMostTimesSlots, asked_);
+    const std::size_t most = std::size_t{in_row_} * in_row_ * kMostTimesSlots;
+    const std::uint32_t asking = host.choice("query");
+    std::uint64_t visited = 0;
+    for (UvTree& tree : trees_) {
+      if (asking == kMap)
+        tree.query_map(looker, bias, most, asked_);
+      else
+        tree.query(looker, bias, most, asked_, asking == kDraws);
+      visited += tree.visited();
+    }
+    tell(host, "places_asked", visited);
     tell(host, "tiles_named", asked_.size() - before);
     return HEDDLE_OK;
   }
@@ -369,7 +381,14 @@ class Virtual {
       reader_.emplace(stored_, std::size_t{uploads_} * (1 + static_cast<std::size_t>(host.integer("read_frames"))));
     std::vector<std::uint32_t> roots;
     for (std::uint32_t t = 0; t < scene_.textures.size(); ++t) roots.push_back(root_of(t));
-    residency_.emplace(in_row_ * in_row_, std::move(roots));
+    Residency::Content content;
+    if (stored_.is_open() && !stored_.store().index.empty())
+      content = [this](const Tile& tile) -> std::optional<std::uint64_t> {
+        const tiles::Texture& texture = scene_.textures[tile.texture];
+        if (texture.source != tiles::kStored) return std::nullopt;
+        return stored_.store().kept_of(texture.image, tile.level, tile.x, tile.y);
+      };
+    residency_.emplace(in_row_ * in_row_, std::move(roots), std::move(content));
     std::size_t cells = 0;
     for (std::uint32_t t = 0; t < scene_.textures.size(); ++t) cells += cells_below(root_of(t));
     table_.assign(host.choice("table") == 0 ? 0 : cells, 0);
@@ -382,8 +401,12 @@ class Virtual {
   }
 
   void count(const PassHost& host) {
+    const auto shared = static_cast<std::uint64_t>(
+        std::ranges::count_if(changes_.uploads, [](const Changes::Upload& one) { return one.is_there; }));
     const std::pair<const char*, std::uint64_t> counts[] = {
-        {"tiles_uploaded", changes_.uploads.size()},
+        {"tiles_uploaded", changes_.uploads.size() - shared},
+        {"tiles_shared", shared},
+        {"slots_in_use", residency_->slots_in_use()},
         {"tiles_evicted", changes_.evictions},
         {"tiles_missing", changes_.missing},
         {"tiles_wanted", changes_.wanted},
@@ -436,7 +459,9 @@ class Virtual {
       state.query[2] |= static_cast<std::uint32_t>(frame.info().index >> (2 * bit + 1) & 1U) << (bits - 1 - bit);
     }
     // Where the tree alone asks no pixel does.
-    if (frame.host().choice("query") == kTree) state.query[0] = 0, state.query[1] = state.query[2] = ~0U;
+    const std::uint32_t asking = frame.host().choice("query");
+    if (asking == kTree || asking == kDraws || asking == kMap)
+      state.query[0] = 0, state.query[1] = state.query[2] = ~0U;
     return state;
   }
 
@@ -459,6 +484,7 @@ class Virtual {
   heddle_status stage(const Frame& frame) {
     std::uint64_t at = 0;
     for (const Changes::Upload& one : changes_.uploads) {
+      if (one.is_there) continue;
       const std::span<const std::byte> bytes = bytes_of(one.tile);
       for (std::size_t begin = 0; begin < bytes.size(); begin += kMostUpdate) {
         const auto part = bytes.subspan(begin, std::min<std::size_t>(kMostUpdate, bytes.size() - begin));
@@ -466,7 +492,8 @@ class Virtual {
           return status;
       }
       at += tile_bytes();
-      if (reader_) reader_->release(frame.host(), one.tile);
+      const tiles::Texture& texture = scene_.textures[one.tile.texture];
+      if (texture.source == tiles::kStored) reader_->release(frame.host(), one.tile, texture.image);
     }
     tell(frame.host(), "tile_bytes_staged", at);
     return HEDDLE_OK;
@@ -478,7 +505,7 @@ class Virtual {
     if (texture.source == tiles::kStored) {
       const bool is_root = tile.level == root_of(tile.texture);
       const std::span<const std::byte> stored =
-          is_root ? std::span<const std::byte>(root_bytes_[tile.texture]) : reader_->bytes(tile);
+          is_root ? std::span<const std::byte>(root_bytes_[tile.texture]) : reader_->bytes(tile, texture.image);
       if (stored_.store().header.compression == format_) return stored;
       texels_.resize(std::size_t{pitch()} * pitch());
       blocks::decode(stored_.store().header.compression, stored.data(), pitch(), pitch(), first_byte(texels_));
@@ -496,6 +523,7 @@ class Virtual {
   heddle_status upload(const Frame& frame) const {
     std::vector<VkBufferImageCopy> regions;
     for (const Changes::Upload& one : changes_.uploads) {
+      if (one.is_there) continue;
       VkBufferImageCopy region{};
       region.bufferOffset = tile_bytes() * regions.size();
       region.imageSubresource = {VK_IMAGE_ASPECT_COLOR_BIT, 0, 0, 1};
@@ -515,6 +543,7 @@ class Virtual {
 
   heddle_status publish(const Frame& frame) const {
     for (const Changes::Upload& one : changes_.uploads) {
+      if (one.is_there) continue;
       // Roots have no parent to be seen meanwhile.
       const float birth = one.tile.level == root_of(one.tile.texture) ? kLongAgo : birth_;
       const heddle_status status =

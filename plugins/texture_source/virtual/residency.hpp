@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 namespace heddle::virtual_texture {
@@ -31,6 +33,7 @@ struct Changes {
   struct Upload {
     Tile tile;
     std::uint32_t slot = 0;
+    bool is_there = false;  // with a tile of the same content, which came before
   };
   struct Edit {
     Tile tile;   // all cells below it ...
@@ -38,17 +41,21 @@ struct Changes {
     std::uint32_t slot = 0;
   };
   std::vector<Upload> uploads;
-  std::vector<Edit> edits;  // coarse ones first
-  std::uint32_t evictions = 0;
-  std::uint32_t missing = 0;  // tiles that are wanted and not there, after this frame
-  std::uint32_t wanted = 0;   // tiles, ancestors included
-  std::uint32_t bias = 0;     // levels by which wishes were coarsened so that all have room
+  std::vector<Edit> edits;      // coarse ones first
+  std::uint32_t evictions = 0;  // at most the budget, and one for each root
+  std::uint32_t missing = 0;    // tiles that are wanted and not there, after this frame
+  std::uint32_t wanted = 0;     // tiles, ancestors included
+  std::uint32_t bias = 0;       // levels by which wishes were coarsened so that all have room
 };
 
 class Residency {
  public:
-  /// roots: the coarsest level of each texture. There must be a slot for each root.
-  Residency(std::uint32_t slot_count, std::vector<std::uint32_t> roots) : roots_(std::move(roots)) {
+  /// What tiles of equal content have in common; nothing for a tile that may be like no other.
+  using Content = std::function<std::optional<std::uint64_t>(const Tile&)>;
+
+  /// roots: the coarsest level of each texture. There must be a slot for each root. Tiles of one content share a slot.
+  Residency(std::uint32_t slot_count, std::vector<std::uint32_t> roots, Content content = {})
+      : roots_(std::move(roots)), content_(std::move(content)) {
     for (std::uint32_t slot = slot_count; slot > 0; --slot) free_.push_back(slot - 1);
     slot_count_ = slot_count;
   }
@@ -84,15 +91,16 @@ class Residency {
     bool has_room = true;
     for (const Tile& tile : missing) {
       const bool is_root = tile.level == roots_[tile.texture];
-      // Asked for in any case: what takes long is then on its way.
-      if (!is_root && !is_ready(tile)) continue;
+      // Asked for in any case: what takes long is then on its way. What is there already is not asked for.
+      if (!is_root && !shared_slot(tile) && !is_ready(tile)) continue;
       if (!has_room || (!is_root && (changes.uploads.size() >= budget || !resident_.contains(tile.parent().key()))))
         continue;
-      const std::optional<std::uint32_t> slot = room(frame, changes, changed);
+      const std::optional<std::uint32_t> same = shared_slot(tile);
+      const std::optional<std::uint32_t> slot = same ? same : room(frame, budget, changes, changed);
       has_room = slot.has_value();
       if (!has_room) continue;
       arrive(tile, *slot, frame);
-      changes.uploads.push_back({tile, *slot});
+      changes.uploads.push_back({tile, *slot, same.has_value()});
       changed.push_back(tile);
     }
     changes.missing = static_cast<std::uint32_t>(missing.size() - changes.uploads.size());
@@ -114,20 +122,27 @@ class Residency {
     return found == resident_.end() ? std::nullopt : std::optional(found->second.slot);
   }
   [[nodiscard]] std::size_t resident_count() const { return resident_.size(); }
-  /// Roots are there, parents are there, children are counted right, and no slot is used twice.
+  [[nodiscard]] std::size_t slots_in_use() const { return slot_count_ - free_.size(); }
+  /// Roots are there, parents are there, children are counted right, and no slot is used twice but by equal tiles.
   [[nodiscard]] bool is_consistent() const {
-    std::vector<bool> used(slot_count_, false);
+    std::vector<std::uint32_t> used(slot_count_, 0);
+    std::vector<std::optional<std::uint64_t>> contents(slot_count_);
     std::unordered_map<std::uint64_t, std::uint32_t> children;
     for (const auto& [key, entry] : resident_) {
-      if (entry.slot >= slot_count_ || used[entry.slot]) return false;
-      used[entry.slot] = true;
+      if (entry.slot >= slot_count_) return false;
+      const auto content = content_of(entry.tile);
+      if (used[entry.slot]++ > 0 && (!content || content != contents[entry.slot])) return false;
+      contents[entry.slot] = content;
       if (entry.tile.level == roots_[entry.tile.texture]) continue;
       if (!resident_.contains(entry.tile.parent().key())) return false;
       ++children[entry.tile.parent().key()];
     }
     for (const auto& [key, entry] : resident_)
       if (entry.children != (children.contains(key) ? children.at(key) : 0U)) return false;
-    return resident_.size() + free_.size() == slot_count_;
+    for (const auto& [content, shared] : shared_)
+      if (used[shared.slot] != shared.count) return false;
+    const auto in_use = static_cast<std::size_t>(std::ranges::count_if(used, [](std::uint32_t n) { return n > 0; }));
+    return in_use + free_.size() == slot_count_;
   }
 
  private:
@@ -146,12 +161,33 @@ class Residency {
     return a.level != b.level ? a.level > b.level : a.key() < b.key();
   }
 
+  struct Shared {
+    std::uint32_t slot = 0, count = 0;
+  };
+
+  [[nodiscard]] std::optional<std::uint64_t> content_of(const Tile& tile) const {
+    return content_ ? content_(tile) : std::nullopt;
+  }
+  [[nodiscard]] std::optional<std::uint32_t> shared_slot(const Tile& tile) const {
+    const auto content = content_of(tile);
+    const auto found = content ? shared_.find(*content) : shared_.end();
+    return found == shared_.end() ? std::nullopt : std::optional(found->second.slot);
+  }
+
   /// All wishes with their ancestors, coarsened by as many levels as it takes for all to have room: 0 mostly.
   std::uint32_t want(std::unordered_map<std::uint64_t, Tile>& wanted) const {
+    std::unordered_set<std::uint64_t> contents;
     for (std::uint32_t bias = 0;; ++bias) {
       wanted.clear();
+      contents.clear();
+      std::size_t slots = 0;
       const auto add = [&](Tile tile) {
-        while (wanted.try_emplace(tile.key(), tile).second && tile.level < roots_[tile.texture]) tile = tile.parent();
+        while (wanted.try_emplace(tile.key(), tile).second) {
+          const auto content = content_of(tile);
+          slots += !content || contents.insert(*content).second ? 1 : 0;
+          if (tile.level == roots_[tile.texture]) break;
+          tile = tile.parent();
+        }
       };
       for (std::uint32_t t = 0; t < roots_.size(); ++t) add({t, roots_[t], 0, 0});
       bool is_all_roots = true;
@@ -160,15 +196,18 @@ class Residency {
         for (std::uint32_t i = 0; i < bias && tile.level < roots_[tile.texture]; ++i) tile = tile.parent();
         is_all_roots = is_all_roots && tile.level == roots_[tile.texture];
         add(tile);
-        if (wanted.size() > slot_count_ && !is_all_roots) break;
+        if (slots > slot_count_ && !is_all_roots) break;
       }
-      if (wanted.size() <= slot_count_ || is_all_roots) return bias;
+      if (slots <= slot_count_ || is_all_roots) return bias;
     }
   }
 
   /// A free slot, or that of the leaf that nobody has wanted for longest; finer ones first where that is equal.
-  std::optional<std::uint32_t> room(std::uint64_t frame, Changes& changes, std::vector<Tile>& changed) {
-    if (free_.empty()) {
+  std::optional<std::uint32_t> room(std::uint64_t frame, std::uint32_t budget, Changes& changes,
+                                    std::vector<Tile>& changed) {
+    // Those that share a slot all have to go before it is free; in a later frame, if they are too many.
+    while (free_.empty()) {
+      if (changes.evictions >= budget + roots_.size()) return std::nullopt;
       const Resident* oldest = nullptr;
       for (const auto& [key, entry] : resident_) {
         if (entry.children > 0 || entry.wanted == frame || entry.tile.level == roots_[entry.tile.texture]) continue;
@@ -180,7 +219,7 @@ class Residency {
       }
       if (oldest == nullptr) return std::nullopt;
       const Tile gone = oldest->tile;
-      free_.push_back(oldest->slot);
+      leave(gone, oldest->slot);
       --resident_.at(gone.parent().key()).children;
       resident_.erase(gone.key());
       changed.push_back(gone);
@@ -191,13 +230,29 @@ class Residency {
     return slot;
   }
 
+  void leave(const Tile& tile, std::uint32_t slot) {
+    if (const auto content = content_of(tile)) {
+      const auto found = shared_.find(*content);
+      if (--found->second.count > 0) return;
+      shared_.erase(found);
+    }
+    free_.push_back(slot);
+  }
+
   void arrive(const Tile& tile, std::uint32_t slot, std::uint64_t frame) {
+    if (const auto content = content_of(tile)) {
+      Shared& shared = shared_[*content];
+      shared.slot = slot;
+      ++shared.count;
+    }
     resident_[tile.key()] = {tile, slot, 0, frame};
     if (tile.level < roots_[tile.texture]) ++resident_.at(tile.parent().key()).children;
   }
 
   std::vector<std::uint32_t> roots_;
   std::uint32_t slot_count_ = 0;
+  Content content_;
+  std::unordered_map<std::uint64_t, Shared> shared_;  // by content
   std::vector<std::uint32_t> free_;
   std::unordered_map<std::uint64_t, Resident> resident_;
   std::unordered_map<std::uint64_t, Wish> wishes_;

@@ -20,14 +20,15 @@ class TileReader {
   /// frame. False also where it cannot be read: then `status` says so.
   bool has(const pass::PassHost& host, const Tile& tile, std::uint32_t texture, std::uint64_t frame,
            std::uint32_t frames) {
-    const auto [found, is_new] = reads_.try_emplace(tile.key());
+    // Tiles of one content are one read.
+    const auto [found, is_new] = reads_.try_emplace(key_of(tile, texture));
     Read& read = found->second;
     if (is_new) {
       if (reads_.size() > most_ || status_ != HEDDLE_OK) {
         reads_.erase(found);
         return false;
       }
-      const std::uint64_t offset = stored_.offset_of(texture, tile.level, tile.x, tile.y);
+      const std::uint64_t offset = stored_.store().offset_of(texture, tile.level, tile.x, tile.y);
       status_ =
           stored_.service().request(host.raw(), stored_.file(), offset, stored_.store().tile_bytes(), &read.ticket);
       read.asked = frame;
@@ -46,12 +47,12 @@ class TileReader {
     return read.bytes != nullptr && status_ == HEDDLE_OK;
   }
 
-  [[nodiscard]] std::span<const std::byte> bytes(const Tile& tile) const {
-    return {reads_.at(tile.key()).bytes, stored_.store().texel_bytes()};
+  [[nodiscard]] std::span<const std::byte> bytes(const Tile& tile, std::uint32_t texture) const {
+    return {reads_.at(key_of(tile, texture)).bytes, stored_.store().texel_bytes()};
   }
   /// Its bytes are where they should be.
-  void release(const pass::PassHost& host, const Tile& tile) {
-    const auto found = reads_.find(tile.key());
+  void release(const pass::PassHost& host, const Tile& tile, std::uint32_t texture) {
+    const auto found = reads_.find(key_of(tile, texture));
     if (found == reads_.end()) return;
     stored_.service().release(host.raw(), stored_.file(), found->second.ticket);
     reads_.erase(found);
@@ -75,6 +76,9 @@ class TileReader {
   std::uint64_t take_requests() { return std::exchange(requests_, 0); }
 
  private:
+  [[nodiscard]] std::uint64_t key_of(const Tile& tile, std::uint32_t texture) const {
+    return stored_.store().kept_of(texture, tile.level, tile.x, tile.y);
+  }
   struct Read {
     std::uint64_t ticket = 0, asked = 0, wanted = 0;  // frames
     const std::byte* bytes = nullptr;

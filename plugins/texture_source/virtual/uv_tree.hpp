@@ -88,36 +88,88 @@ class UvTree {
       }
   }
 
-  /// Appends what `looker` needs if levels are rounded up less `bias`, at most `most` tiles, coarse ones first.
-  void query(const Looker& looker, double bias, std::size_t most, std::vector<Tile>& out) {
-    std::vector<std::uint32_t> level, finer;
-    for (const auto& [key, root] : roots_) level.push_back(root);
-    visited_ = 0;
+  /// Appends what `looker` needs if levels are rounded up less `bias`, at most `most` tiles, coarse ones first. Whole
+  /// sheets: their nearest place says the level of all of it, and no node is looked at by itself.
+  void query(const Looker& looker, double bias, std::size_t most, std::vector<Tile>& out,
+             bool has_whole_sheets = false) {
+    struct Visit {
+      std::uint32_t node = 0;
+      double wanted = 0;  // level
+    };
+    const auto wanted_of = [&](std::uint32_t node) {
+      return std::max(std::ceil(least_lambda(nodes_[node], looker) - bias), 0.0);
+    };
+    std::vector<Visit> level, finer;
+    for (const auto& [key, root] : roots_) level.push_back({root, wanted_of(root)});
+    visited_ = roots_.size();
     const std::size_t end = out.size() + most;
     while (!level.empty()) {
       finer.clear();
-      for (const std::uint32_t index : level) {
+      for (const auto& [index, wanted] : level) {
         if (out.size() >= end) return;
-        ++visited_;
-        const double lambda = least_lambda(nodes_[index], looker);
-        if (lambda == std::numeric_limits<double>::infinity()) continue;
-        const double wanted = std::max(std::ceil(lambda - bias), 0.0);
+        if (wanted == std::numeric_limits<double>::infinity()) continue;
         const Node node = head(nodes_[index]);
         if (wanted <= node.level || node.level == root_level_) out.push_back({texture_, node.level, node.x, node.y});
         if (node.level == 0 || wanted >= node.level) continue;
         grow(index);
-        for (std::uint32_t i = 0; i < 4; ++i)
-          if (const std::uint32_t child = nodes_[index].children[i]; child != 0) finer.push_back(child);
+        for (std::uint32_t i = 0; i < 4; ++i) {
+          const std::uint32_t child = nodes_[index].children[i];
+          if (child == 0) continue;
+          visited_ += has_whole_sheets ? 0 : 1;
+          finer.push_back({child, has_whole_sheets ? wanted : wanted_of(child)});
+        }
       }
       std::swap(level, finer);
     }
   }
+  /// The same by a map over the texture, whose texels know where in the world they lie: each says which level it needs,
+  /// of those that lie one over the other the finest counts, and tiles below a texel are all wanted if it needs them.
+  /// As much work for one view as for another.
+  void query_map(const Looker& looker, double bias, std::size_t most, std::vector<Tile>& out) {
+    const std::uint32_t map_level = root_level_ > kMapLevels ? root_level_ - kMapLevels : 0;
+    if (map_.empty()) {
+      for (const auto& [key, root] : roots_) map_.push_back(root);
+      for (std::uint32_t level = root_level_; level > map_level; --level) {
+        std::vector<std::uint32_t> finer;
+        for (const std::uint32_t index : map_) {
+          grow(index);
+          for (const std::uint32_t child : nodes_[index].children)
+            if (child != 0) finer.push_back(child);
+        }
+        map_ = std::move(finer);
+      }
+    }
+    visited_ = map_.size();
+    std::map<std::pair<std::uint32_t, std::uint32_t>, double> texels;
+    for (const std::uint32_t index : map_) {
+      const double lambda = least_lambda(nodes_[index], looker);
+      const auto found = texels.try_emplace({nodes_[index].x, nodes_[index].y}, lambda).first;
+      found->second = std::min(found->second, lambda);
+    }
+    std::map<std::uint64_t, Tile> named;
+    for (const auto& [place, lambda] : texels) {
+      if (lambda == std::numeric_limits<double>::infinity()) continue;
+      const auto level =
+          static_cast<std::uint32_t>(std::clamp(std::ceil(lambda - bias), 0.0, static_cast<double>(root_level_)));
+      const std::uint32_t down = level < map_level ? map_level - level : 0,
+                          up = level > map_level ? level - map_level : 0;
+      for (std::uint32_t y = 0; y < 1U << down; ++y)
+        for (std::uint32_t x = 0; x < 1U << down && named.size() < most; ++x) {
+          const Tile tile{texture_, level, (place.first >> up << down) + x, (place.second >> up << down) + y};
+          named.try_emplace(tile.key(), tile);
+        }
+    }
+    // Keys begin with the level.
+    for (auto tile = named.rbegin(); tile != named.rend(); ++tile) out.push_back(tile->second);
+  }
   [[nodiscard]] std::size_t node_count() const { return nodes_.size(); }
+  /// Nodes whose level was worked out by the last query.
   [[nodiscard]] std::size_t visited() const { return visited_; }
 
  private:
   static constexpr std::uint32_t kMirrorMode = 1, kClampMode = 2;
   static constexpr std::int64_t kMostRepeats = 64;
+  static constexpr std::uint32_t kMapLevels = 6;  // of the tree that the map is below its root: 64 x 64 texels
 
   struct Polygon {
     std::vector<TexturedCorner> corners;
@@ -219,6 +271,7 @@ class UvTree {
 
   void put(Polygon polygon, const RootKey& key) {
     if (polygon.corners.empty()) return;
+    map_.clear();
     const auto [found, is_new] = roots_.try_emplace(key, static_cast<std::uint32_t>(nodes_.size()));
     if (is_new) {
       nodes_.emplace_back();
@@ -321,6 +374,7 @@ class UvTree {
   std::vector<Polygon> polygons_;
   std::vector<Node> nodes_;
   std::map<RootKey, std::uint32_t> roots_;
+  std::vector<std::uint32_t> map_;  // nodes that are its texels; empty: not made yet
   std::size_t visited_ = 0;
 };
 

@@ -14,6 +14,7 @@
 #include <cmath>
 #include <memory>
 #include <string>
+#include <unordered_map>
 
 namespace {
 
@@ -47,6 +48,10 @@ constexpr heddle_parameter kParameters[] = {
            "texel centres in place, and textures are looked up so"),
     choice("address", kAddresses, 0, "what borders hold beyond the texture's sides, as materials must have it"),
     choice("tile", kTiles, 1, "texels along each side of a tile, without its border"),
+    toggle("shared", false,
+           "tiles with equal bytes are kept once: for masks and other images with large parts of one colour; takes up "
+           "to 40 "
+           "bytes of memory a tile"),
     integer("border", "px", 0, 16, 4, "of each tile, its neighbours' texels; 0: seams show; compressed: even"),
     knob(choice("compression", kCompressions, 2, "of tiles on the disk and in the cache: 4, 1/2 or 1 byte a texel"),
          kCompressionLadder),
@@ -92,24 +97,26 @@ class Tiled {
     require(stores_->make(host.raw(), frame.raw(), "store", &out_));
     require(stores_->make(host.raw(), frame.raw(), nullptr, &scratch_));
     const std::size_t count = std::max<std::size_t>(files.size(), 1);
-    std::uint64_t at = 0;
+    is_shared_ = host.toggle("shared");
+    known_.clear();
+    std::uint64_t tiles = 0;
     for (std::size_t i = 0; i < count; ++i) {
       done_ = 0;
       share_ = {static_cast<double>(i) / static_cast<double>(count), 1.0 / static_cast<double>(count)};
       StoredTexture texture;
-      texture.first = at;
+      texture.first = tiles;
       if (!files.empty())
         add_image(frame, files[i], texture);
       else
         add_made(frame, texture);
-      at += tile_count(levels_of(texture)) * store_.stride();
+      tiles += tile_count(levels_of(texture));
       store_.textures.push_back(texture);
     }
     stores_->close(host.raw(), scratch_);
     header.texture_count = static_cast<std::uint32_t>(store_.textures.size());
     // The last tile's cluster is whole.
     const std::byte none{};
-    require(stores_->write(host.raw(), out_, at - 1, &none, 1));
+    require(stores_->write(host.raw(), out_, header.kept * store_.stride() - 1, &none, 1));
     const std::vector<std::byte> artifact = artifact_of(store_);
     require(frame.set_value("store", std::span<const std::byte>(artifact)));
   }
@@ -208,13 +215,15 @@ class Tiled {
 
   void finish(const Frame& frame, Pyramid& pyramid, const StoredTexture& texture, const std::string& what) {
     pyramid.build(store_.header.kernel, [&](std::uint64_t texels) { step(frame, texels); });
-    const double squares = cut(frame, pyramid, texture);
+    const std::uint64_t before = store_.header.kept;
+    const double squares = cut(frame, pyramid);
     const std::uint64_t count = tile_count(pyramid.last());
     const double of = 3.0 * static_cast<double>(texture.extent) * texture.extent;
     const double psnr = squares > 0 ? 10.0 * std::log10(255.0 * 255.0 * of / squares) : INFINITY;
     std::string message = "a texture is stored";
     if (texture.width != texture.extent || texture.height != texture.extent)
       message += ", stretched to a square whose side is a power of two";
+    const std::uint64_t kept = store_.header.kept - before;
     if (std::isfinite(psnr))
       require(frame.add_row("report", HEDDLE_SEVERITY_INFO, message,
                             {{"image", what.c_str()},
@@ -222,7 +231,8 @@ class Tiled {
                              {"height", static_cast<double>(texture.height)},
                              {"extent", static_cast<double>(texture.extent)},
                              {"tiles", static_cast<double>(count)},
-                             {"bytes", static_cast<double>(count * store_.stride())},
+                             {"kept", static_cast<double>(kept)},
+                             {"bytes", static_cast<double>(kept * store_.stride())},
                              {"psnr_db", psnr}}));
     else
       require(frame.add_row("report", HEDDLE_SEVERITY_INFO, message,
@@ -231,7 +241,8 @@ class Tiled {
                              {"height", static_cast<double>(texture.height)},
                              {"extent", static_cast<double>(texture.extent)},
                              {"tiles", static_cast<double>(count)},
-                             {"bytes", static_cast<double>(count * store_.stride())}}));
+                             {"kept", static_cast<double>(kept)},
+                             {"bytes", static_cast<double>(kept * store_.stride())}}));
   }
 
   struct Piece {
@@ -243,13 +254,12 @@ class Tiled {
   };
 
   /// Tiles with their borders, in the store's order. The sum of squared differences of level 0.
-  double cut(const Frame& frame, Pyramid& pyramid, const StoredTexture& texture) {
+  double cut(const Frame& frame, Pyramid& pyramid) {
     const heddle_pass_host* raw = frame.host().raw();
     const std::uint32_t n = pyramid.last(), pitch = store_.pitch();
     const std::int64_t border = store_.header.border, tile = store_.header.tile;
     const auto number = static_cast<std::uint32_t>(store_.textures.size());
     std::vector<Piece> batch(kBatch);
-    std::uint64_t at = texture.first;
     double squares = 0;
     for (std::uint32_t level = n + 1; level-- > 0;) {
       const std::uint64_t count = std::uint64_t{1} << (2 * (n - level));
@@ -275,18 +285,40 @@ class Tiled {
             },
             &work));
         for (std::uint64_t i = 0; i < in_batch; ++i) {
-          const Piece& piece = batch[i];
-          require(stores_->write(raw, out_, at, piece.bytes.data(), piece.bytes.size()));
-          at += store_.stride();
+          Piece& piece = batch[i];
+          const TileMark mark = keep(raw, piece);
           squares += piece.squares;
-          TileMark mark;
-          std::memcpy(&mark, piece.bytes.data() + store_.texel_bytes(), sizeof mark);
           store_.header.contents = hash_of(std::as_bytes(std::span(&mark, 1)), store_.header.contents);
         }
         step(frame, in_batch * static_cast<std::uint64_t>(tile * tile));
       }
     }
     return squares;
+  }
+
+  /// Into the store, if it is not there yet.
+  TileMark keep(const heddle_pass_host* raw, Piece& piece) {
+    std::uint64_t& kept = store_.header.kept;
+    TileMark mark;
+    std::byte* const at = piece.bytes.data() + store_.texel_bytes();
+    std::memcpy(&mark, at, sizeof mark);
+    if (is_shared_) {
+      const auto [first, end] = known_.equal_range(mark.hash);
+      for (auto same = first; same != end; ++same) {
+        earlier_.resize(store_.texel_bytes());
+        require(stores_->read(raw, out_, same->second * store_.stride(), earlier_.data(), earlier_.size()));
+        if (std::memcmp(earlier_.data(), piece.bytes.data(), earlier_.size()) != 0) continue;
+        store_.index.push_back(same->second);
+        return mark;
+      }
+      mark.place = kept;
+      std::memcpy(at, &mark, sizeof mark);
+      known_.emplace(mark.hash, static_cast<std::uint32_t>(kept));
+      store_.index.push_back(static_cast<std::uint32_t>(kept));
+    }
+    require(stores_->write(raw, out_, kept * store_.stride(), piece.bytes.data(), piece.bytes.size()));
+    ++kept;
+    return mark;
   }
 
   void pack(Piece& piece) const {
@@ -312,6 +344,9 @@ class Tiled {
   const heddle_stores_service* stores_ = nullptr;
   const heddle_parallel_service* parallel_ = nullptr;
   heddle_store *out_ = nullptr, *scratch_ = nullptr;
+  bool is_shared_ = false;
+  std::unordered_multimap<std::uint64_t, std::uint32_t> known_;  // tiles that are kept, by hash
+  std::vector<std::byte> earlier_;
   Store store_;
   std::pair<double, double> share_;  // of this texture in the whole: where it begins, how much
   double done_ = 0, work_ = 1;       // texels

@@ -455,7 +455,7 @@ TEST(TextureSource, TheTreeKnowsInTheFirstFrameWhatPixelsAskForInTheThird) {
   Graph resident(frame_graph("resident"));
   const Image expected = resident.image(plane.scene);
   std::map<std::string, int> first_right;
-  for (const std::string query : {"view", "tree", "both"}) {
+  for (const std::string query : {"view", "tree", "both", "draws", "map"}) {
     Graph paged(frame_graph("virtual"));
     for (const char* setting : {"source.inputs.eye=\"scene.camera\"", "source.params.spacing=\"2\"",
                                 "source.params.uploads=128", "source.params.fade=0.0"})
@@ -465,7 +465,7 @@ TEST(TextureSource, TheTreeKnowsInTheFirstFrameWhatPixelsAskForInTheThird) {
     for (int frame = 0; frame < 12; ++frame) {
       render(paged, plane.scene, 0, 0, frame == 0);
       if (first_right[query] < 0 && psnr(paged.read(), expected) >= 60) first_right[query] = frame;
-      if (query == "tree") {
+      if (query != "view" && query != "both") {
         for (const auto& list : stats(paged)["lists"]) EXPECT_EQ(list["count"], 0) << "no pixel asks";
       }
     }
@@ -476,7 +476,39 @@ TEST(TextureSource, TheTreeKnowsInTheFirstFrameWhatPixelsAskForInTheThird) {
   }
   EXPECT_EQ(first_right["tree"], 0);
   EXPECT_EQ(first_right["both"], 0);
+  EXPECT_EQ(first_right["draws"], 0);
+  EXPECT_EQ(first_right["map"], 0);
   EXPECT_GE(first_right["view"], 2);
+}
+
+TEST(TextureSource, WhatComesIntoViewIsRightAtOnceUnlessPixelsHaveToAsk) {
+  std::map<std::string, int> first_right;
+  for (const std::string query : {"view", "tree", "both", "draws", "map"}) {
+    Plane plane(true);
+    Graph resident(frame_graph("resident")), paged(frame_graph("virtual"));
+    for (const char* setting : {"source.inputs.eye=\"scene.camera\"", "source.params.spacing=\"2\"",
+                                "source.params.uploads=128", "source.params.fade=0.0"})
+      paged.set(setting);
+    paged.set("source.params.query=\"" + query + "\"");
+    // Up into the sky, then back: no cut, the cache is what it was.
+    plane.scene.look({0, 2, 10}, {0, 90, 10});
+    for (int frame = 0; frame < 8; ++frame) render(paged, plane.scene, 0, 0, frame == 0);
+    const auto before = counts(paged).at("tiles_resident");
+    plane.scene.look({0, 2, 10}, {0, 0, 0});
+    const Image expected = resident.image(plane.scene);
+    first_right[query] = -1;
+    for (int frame = 0; frame < 12 && first_right[query] < 0; ++frame) {
+      render(paged, plane.scene);
+      if (psnr(paged.read(), expected) >= 60) first_right[query] = frame;
+    }
+    std::printf("%s: %d tiles resident before, %d after; right in frame %d\n", query.c_str(), static_cast<int>(before),
+                static_cast<int>(counts(paged).at("tiles_resident")), first_right[query]);
+    EXPECT_EQ(before, 1U) << query << ": the root alone";
+  }
+  for (const char* query : {"tree", "both", "draws", "map"}) EXPECT_EQ(first_right[query], 0) << query;
+  // Two frames of latency, and as many as it takes until all pixels of a square have asked.
+  EXPECT_GE(first_right["view"], 2);
+  EXPECT_LE(first_right["view"], 2 + 4);
 }
 
 TEST(TextureSource, EveryWayOfCopyingAndOfEditingTheTableGivesTheSameBytes) {

@@ -4,6 +4,8 @@
 #include "roles/texture_source/asking.hpp"
 #include "roles/texture_store/storing.hpp"
 
+#include "image/image.hpp"
+
 #include <gmock/gmock.h>
 
 #include <cstdio>
@@ -147,6 +149,49 @@ TEST(StoredTexture, ReadsWholeClustersAndLittleMoreThanItNeeds) {
   EXPECT_EQ(read % 4096, 0U);
   EXPECT_LE(static_cast<double>(read), 1.25 * static_cast<double>(used));
   EXPECT_LE(in_flight, 4U * 3U);
+}
+
+TEST(StoredTexture, TilesOfOneContentShareASlotAndThePictureIsTheSame) {
+  heddle::image::Image mask{1024, 1024, 1, {}};
+  for (std::uint32_t i = 0; i < 1024 * 1024; ++i) {
+    const std::uint32_t x = i % 1024, y = i / 1024;
+    mask.pixels.push_back(x % 300 < 40 && y % 300 < 40 ? static_cast<float>((x * 7919 ^ y * 104729) % 256) / 255
+                                                       : 0.25F);
+  }
+  heddle::image::write(storing::folder() / "mask.png", mask);
+  const std::string parameters =
+      "params.images = [\"" + (storing::folder() / "mask.png").string() + "\"]\nparams.tile = \"64\"\n";
+  const std::string whole = storing::job_file("mask.toml", parameters),
+                    shared = storing::job_file("shared.toml", parameters + "params.shared = true\n");
+  TextureScene scene(R"({"source": "stored"})");
+  // 49 slots, and a picture of 9 x 7 tiles of level 0, their ancestors besides.
+  // Nearest texels, which do not depend on where in the cache they are.
+  const std::string ways =
+      "params.fade = 0.0\nparams.filtering = \"nearest\"\nparams.spacing = \"16\"\nparams.uploads = 64\n";
+  const std::string cache = ways + "params.cache = 512\n";
+  Graph a(probe_graph("virtual", bound(whole) + ways)), b(probe_graph("virtual", bound(shared) + cache)),
+      small(probe_graph("virtual", bound(whole) + cache));
+  std::uint64_t uploads_alone = 0, uploads_shared = 0;
+  const Camera camera{{0.05, 0.05}, {as_float(0.99 / 1024), 0}, {0, as_float(0.99 / 1024)}};
+  for (Graph* graph : {&a, &b, &small}) {
+    graph->set("extent=[512,384]");
+    look(*graph, camera);
+    for (int frame = 0; frame < 9; ++frame) {
+      render(*graph, scene.scene);
+      if (graph == &a) uploads_alone += counts(a).at("tiles_uploaded");
+      if (graph == &b) uploads_shared += counts(b).at("tiles_uploaded");
+    }
+  }
+  EXPECT_EQ(a.read().pixels, b.read().pixels);
+  EXPECT_EQ(counts(b).at("level_bias"), 0U);
+  EXPECT_GT(counts(small).at("level_bias"), 0U) << "each by itself has no room";
+  const auto now = counts(b);
+  std::printf("%d tiles in %d slots; %d uploads, %d without sharing\n", static_cast<int>(now.at("tiles_resident")),
+              static_cast<int>(now.at("slots_in_use")), static_cast<int>(uploads_shared),
+              static_cast<int>(uploads_alone));
+  EXPECT_LT(now.at("slots_in_use"), now.at("tiles_resident"));
+  EXPECT_LT(uploads_shared, uploads_alone);
+  EXPECT_EQ(counts(a).at("slots_in_use"), counts(a).at("tiles_resident"));
 }
 
 /// What is made while it lives is a live host's.

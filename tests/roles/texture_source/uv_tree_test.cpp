@@ -136,8 +136,10 @@ TEST(UvTree, NamesEveryTileThatAPixelAsksForAndFewOthers) {
   const auto uniform = [&](double a, double b) { return a + (b - a) * static_cast<double>(random()) * 0x1p-32; };
   constexpr std::uint32_t kWidth = 96, kHeight = 54;
   for (const Setting& setting : settings) {
-    UvTree tree = tree_of(setting);
-    std::uint64_t weight = 0, missed = 0, wanted = 0, named = 0, visited = 0;
+    UvTree tree = tree_of(setting), draws = tree_of(setting), map = tree_of(setting);
+    std::uint64_t missed_by_map = 0, named_by_map = 0;
+    std::size_t texels = 0;
+    std::uint64_t weight = 0, missed = 0, wanted = 0, named = 0, visited = 0, missed_by_draws = 0, named_by_draws = 0;
     for (int i = 0; i < 30; ++i) {
       const dvec3 eye(uniform(-18, 18), std::exp(uniform(-2, 2.5)), uniform(-18, 18));
       const Looker looker =
@@ -151,7 +153,30 @@ TEST(UvTree, NamesEveryTileThatAPixelAsksForAndFewOthers) {
       for (Tile tile : found)
         while (tile.level < 7 && all.try_emplace((tile = tile.parent()).key(), tile).second) {
         }
+      std::vector<Tile> by_map;
+      map.query_map(looker, 0, 1 << 20, by_map);
+      EXPECT_TRUE(i == 0 || map.visited() == texels) << "the same work for every view";
+      texels = map.visited();
+      named_by_map += by_map.size();
+      std::map<std::uint64_t, Tile> all_by_map;
+      for (std::size_t t = 0; t < by_map.size(); ++t) {
+        EXPECT_TRUE(t == 0 || by_map[t].level <= by_map[t - 1].level) << "coarse ones first";
+        for (Tile tile = by_map[t]; all_by_map.try_emplace(tile.key(), tile).second && tile.level < 7;)
+          tile = tile.parent();
+      }
+      // A distance for each draw: what is named is no coarser, so it names each tile or one below it.
+      std::vector<Tile> by_draws;
+      draws.query(looker, 0, 1 << 20, by_draws, true);
+      EXPECT_LE(draws.visited(), setting.sheets.size() * 64);
+      std::map<std::uint64_t, Tile> all_by_draws;
+      for (const Tile& tile : by_draws) all_by_draws.try_emplace(tile.key(), tile);
+      named_by_draws += all_by_draws.size();
+      for (Tile tile : by_draws)
+        while (tile.level < 7 && all_by_draws.try_emplace((tile = tile.parent()).key(), tile).second) {
+        }
       for (const auto& [key, pixels] : asked_by_pixels(setting, looker, kWidth, kHeight)) {
+        missed_by_map += all_by_map.contains(key) ? 0U : pixels;
+        missed_by_draws += all_by_draws.contains(key) ? 0U : pixels;
         weight += pixels;
         missed += all.contains(key) ? 0U : pixels;
         ++wanted;
@@ -162,6 +187,14 @@ TEST(UvTree, NamesEveryTileThatAPixelAsksForAndFewOthers) {
         setting.name, 100.0 * static_cast<double>(missed) / static_cast<double>(weight),
         static_cast<double>(named) / static_cast<double>(wanted), static_cast<double>(visited) / 30,
         static_cast<int>(tree.node_count()));
+    std::printf("  by draws: %.3f %%, %.0f tiles named for each\n",
+                100.0 * static_cast<double>(missed_by_draws) / static_cast<double>(weight),
+                static_cast<double>(named_by_draws) / static_cast<double>(wanted));
+    std::printf("  by map: %.3f %%, %.1f tiles named for each, %d places\n",
+                100.0 * static_cast<double>(missed_by_map) / static_cast<double>(weight),
+                static_cast<double>(named_by_map) / static_cast<double>(wanted), static_cast<int>(texels));
+    EXPECT_EQ(missed_by_draws, 0U) << setting.name;
+    EXPECT_EQ(missed_by_map, 0U) << setting.name;
     EXPECT_LE(static_cast<double>(missed), 0.005 * static_cast<double>(weight)) << setting.name;
     // The bound on a pixel's part of a metre is at most 1 / cos^2 off at the picture's corners, a level and a bit.
     EXPECT_LE(static_cast<double>(named), 8 * static_cast<double>(wanted)) << setting.name;

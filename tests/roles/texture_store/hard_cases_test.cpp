@@ -166,6 +166,31 @@ TEST(TextureStore, BlocksThatTilesShareAreTheSameBytes) {  // H7
   }
 }
 
+/// 1 where a mask is set: in a few blobs of a side of 1024, elsewhere nothing, or all.
+float mask(std::uint32_t x, std::uint32_t y, std::uint32_t) {
+  const bool is_in = (x % 512 - 200) * (x % 512 - 200) + (y % 512 - 90) * (y % 512 - 90) < 900;
+  return y >= 768 ? 1.0F : is_in ? noise(x, y, 0) : 0.0F;
+}
+
+TEST(TextureStore, TilesWithEqualBytesAreKeptOnce) {
+  for (const char* compression : {"none", "bc7"}) {
+    const std::string job = image_file("mask.png", 1024, 1024, 1, mask) +
+                            "params.tile = \"64\"\nparams.compression = \"" + compression + "\"\n";
+    const Made whole = make(job), shared = make(job + "params.shared = true\n");
+    ASSERT_EQ(whole.levels(0), 4U);
+    EXPECT_TRUE(whole.store.index.empty());
+    const double tiles = shared.report[0]["values"]["tiles"], kept = shared.report[0]["values"]["kept"];
+    std::printf("%s: %.0f of %.0f tiles kept, 1 in %.1f\n", compression, kept, tiles, tiles / kept);
+    EXPECT_EQ(whole.report[0]["values"]["kept"], tiles);
+    EXPECT_LT(kept, tiles / 4);
+    EXPECT_EQ(fs::file_size(shared.file), static_cast<std::uint64_t>(kept) * shared.store.stride());
+    for (std::uint32_t level = 0; level <= 4; ++level)
+      for (std::uint32_t y = 0; y < 16U >> level; ++y)
+        for (std::uint32_t x = 0; x < 16U >> level; ++x)
+          ASSERT_EQ(shared.bytes(0, level, x, y), whole.bytes(0, level, x, y)) << compression << ' ' << level;
+  }
+}
+
 TEST(TextureStore, MistakesNameFileAndReasonAndLeaveNoStore) {  // H8
   const auto stores = [] {
     std::size_t count = 0;

@@ -65,12 +65,11 @@ struct Made {
     using namespace heddle::texture_store;
     std::vector<char> read(store.tile_bytes());
     std::ifstream stream(file, std::ios::binary);
-    stream.seekg(static_cast<std::streamoff>(store.textures[texture].first +
-                                             tiles_before(levels(texture), level, x, y) * store.stride()));
+    stream.seekg(static_cast<std::streamoff>(store.offset_of(texture, level, x, y)));
     stream.read(read.data(), static_cast<std::streamsize>(read.size()));
     const auto* first = reinterpret_cast<const std::byte*>(read.data());
     std::vector<std::byte> out(first, first + read.size());
-    EXPECT_EQ(damage_of(store, place_of(texture, level, x, y), out), "");
+    EXPECT_EQ(damage_of(store, store.mark_of(texture, level, x, y), out), "");
     out.resize(store.texel_bytes());
     return out;
   }
