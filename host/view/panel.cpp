@@ -124,6 +124,7 @@ void Window::panel(ImVec2 low, ImVec2 high) {
 void Window::passes_tab() {
   const bool has_b = report_.variants[1].is_there;
   if (has_b) {
+    ImGui::AlignTextToFramePadding();
     ImGui::TextUnformatted("change");
     for (int choice = 0; choice < 3; ++choice) {
       constexpr std::array<const char*, 3> kChoices{"A", "B", "both"};
@@ -415,16 +416,19 @@ void Window::times_tab() {
     const VariantReport& variant = report_.variants[v];
     if (!variant.is_there) continue;
     ImGui::PushID(kVariantNames[v]);
-    ImGui::Text("%s: last frame %.2f ms, taking its picture %.2f ms", kVariantNames[v], variant.submit_ms,
-                variant.read_ms);
-    ImGui::SameLine();
     if (ImGui::SmallButton("time the stages"))
       last_order_ = session_.order(fmt::format("stages {}", v), [v](Session& session) { session.time_stages(v); });
     mark(fmt::format("{}/stages", kVariantNames[v]));
+    ImGui::SameLine();
+    ImGui::Text("%s: last frame %.2f ms, taking its picture %.2f ms", kVariantNames[v], variant.submit_ms,
+                variant.read_ms);
     const Times& times = variant.times;
     if (!times.stages.empty()) {
       if (ImGui::BeginTable("stages", 4, ImGuiTableFlags_RowBg | ImGuiTableFlags_BordersInnerV)) {
-        for (const char* title : {"pass", "stage", "wall ms", "CPU ms"}) ImGui::TableSetupColumn(title);
+        constexpr std::array<std::pair<const char*, float>, 4> kColumns{
+            {{"pass", 1.1F}, {"stage", 1.5F}, {"wall ms", 0.7F}, {"CPU ms", 0.7F}}};
+        for (const auto& [title, share] : kColumns)
+          ImGui::TableSetupColumn(title, ImGuiTableColumnFlags_WidthStretch, share);
         ImGui::TableHeadersRow();
         for (const StageTime& stage : times.stages) {
           ImGui::TableNextRow();

@@ -27,6 +27,23 @@ std::vector<std::uint8_t> bytes_of(const std::vector<float>& values, std::uint32
   return rgba;
 }
 
+std::shared_ptr<Picture> PictureMemory::take() {
+  auto picture = std::make_unique<Picture>();
+  {
+    const std::lock_guard lock(free_->mutex);
+    if (!free_->bytes.empty()) {
+      picture->rgba = std::move(free_->bytes.back());
+      free_->bytes.pop_back();
+    }
+  }
+  // The deleter holds what it gives back to: pictures may outlive their memory's owner.
+  return {picture.release(), [free = free_](Picture* ended) {
+            const std::unique_ptr<Picture> owned(ended);
+            const std::lock_guard lock(free->mutex);
+            if (free->bytes.size() < kMostFree) free->bytes.push_back(std::move(owned->rgba));
+          }};
+}
+
 Distance difference(const Picture& a, const Picture& b, double gain, std::vector<std::uint8_t>& rgba) {
   rgba.assign(a.rgba.size(), 255);
   Distance distance;

@@ -346,18 +346,17 @@ void Session::render(Variant variant, std::uint32_t flags, double time_step) {
 
 /// The graph's output. 8 bits of four channels are what the window shows; nothing of them is converted.
 std::shared_ptr<Picture> Session::read_picture(Side& side) {
-  auto made = std::make_shared<Picture>();
+  std::shared_ptr<Picture> made = picture_memory_.take();
   heddle_texels texels{};
   texels.struct_size = sizeof texels;
   check(heddle_read_texels(side.graph, nullptr, 0, 0, nullptr, 0, &texels));
   if (texels.format == kRgba8) {
     made->width = texels.width;
     made->height = texels.height;
-    side.texels.resize(texels.size);
-    check(heddle_read_texels(side.graph, nullptr, 0, 0, side.texels.data(), side.texels.size(), &texels));
+    made->rgba.resize(texels.size);
+    check(heddle_read_texels(side.graph, nullptr, 0, 0, made->rgba.data(), made->rgba.size(), &texels));
     draft_.read_bytes += texels.size;
-    for (std::size_t at = 3; at < side.texels.size(); at += 4) side.texels[at] = 255;
-    made->rgba = side.texels;
+    for (std::size_t at = 3; at < made->rgba.size(); at += 4) made->rgba[at] = 255;
     return made;
   }
   heddle_image shape{};

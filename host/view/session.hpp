@@ -5,6 +5,7 @@
 
 #include "file_stamps.hpp"
 #include "view/module.h"
+#include "view/picture.hpp"
 #include "view/state.hpp"
 
 #include <atomic>
@@ -75,11 +76,10 @@ class Session {
     heddle_scene* scene = nullptr;
     std::string file;
     std::vector<std::string> settings;
-    std::vector<std::uint8_t> texels;  // of the last read, where they are bytes already
-    std::vector<float> values;         // and where not
-    bool has_past = false;             // frames depend on those before them
-    bool is_unread = false;            // the device made something since its picture was read
-    bool is_failed = false;            // nothing is rendered until something changes
+    std::vector<float> values;  // of the last read, where texels are no bytes
+    bool has_past = false;      // frames depend on those before them
+    bool is_unread = false;     // the device made something since its picture was read
+    bool is_failed = false;     // nothing is rendered until something changes
     std::uint32_t own_camera = HEDDLE_NONE;
   };
 
@@ -122,6 +122,7 @@ class Session {
   std::optional<heddle_camera> flown_;
   std::uint32_t used_camera_ = HEDDLE_NONE;  // of the scene; HEDDLE_NONE: the first one's
   std::uint64_t scene_revision_ = 0, picture_serial_ = 0;
+  PictureMemory picture_memory_;
   std::set<std::filesystem::path> graph_files_, scene_files_;
   FileStamps seen_, last_;
   std::chrono::steady_clock::time_point looked_at_;

@@ -18,7 +18,7 @@ namespace heddle::view {
 
 namespace {
 
-constexpr float kPanelWidth = 470, kStatusHeight = 26;
+constexpr float kPanelWidth = 500, kStatusHeight = 26;
 constexpr std::array<int, 2> kLeastPicture{480, 520};  // with room for the panel's passes beside it
 // After an event: hovering, popups and scrolling need some frames until nothing changes any more.
 constexpr int kFramesAfterEvent = 3;

@@ -232,6 +232,16 @@ def test_nothing_is_rendered_or_drawn_while_nothing_changes(command, root, scree
     assert flown["camera"]["position"] != rest["camera"]["position"]
 
 
+def test_the_validation_layer_finds_nothing(command, root, screen, tmp_path):
+    """In frames and in what is read after them: it is told with the next frame."""
+    commands = script(tmp_path, "wait\nkey W 0.2\nwait\nclick pass/ao\nslide ao.params.radius 0.7\nwait\nclick step\nwait\nstate\nquit\n")
+    with viewer(command, root, screen, [SCENE, *SETTINGS, *WINDOW, "--swap", "ao=gtao,none", "--validation"], commands) as view:
+        state = view.state(0)
+        assert view.wait() == (0, "")
+    assert state["frames"] >= 8
+    assert [variant["error"] + variant["refused"] for variant in state["variants"]] == ["", ""]
+
+
 def test_progressive_loops_go_on_while_nothing_moves(command, root, screen, tmp_path):
     words = ["supersampled", SCENE, *SETTINGS, *WINDOW, "--set", "aa.params.mode=progressive", "--set", "aa.params.samples=5"]
     with viewer(command, root, screen, words, script(tmp_path, "wait\nstate\nquit\n")) as view:

@@ -9,6 +9,33 @@
 using heddle::view::bytes_of;
 using testing::ElementsAre;
 
+TEST(PictureMemory, IsUsedAgainOnceNobodyHoldsThePicture) {
+  heddle::view::PictureMemory memory;
+  auto first = memory.take();
+  first->rgba.resize(64);
+  first->serial = 3;
+  const std::uint8_t* bytes = first->rgba.data();
+  const std::shared_ptr<const heddle::view::Picture> shown = first;
+  first.reset();
+  auto second = memory.take();
+  second->rgba.resize(64);
+  EXPECT_NE(second->rgba.data(), bytes);
+  EXPECT_EQ(shown->rgba.data(), bytes);
+  const std::uint8_t* freed = second->rgba.data();
+  second.reset();
+  const auto third = memory.take();
+  EXPECT_EQ(third->rgba.data(), freed);
+  EXPECT_EQ(third->serial, 0U);
+}
+
+TEST(PictureMemory, MayEndBeforeItsPictures) {
+  auto memory = std::make_unique<heddle::view::PictureMemory>();
+  const auto picture = memory->take();
+  picture->rgba.resize(16);
+  memory.reset();
+  EXPECT_EQ(picture->rgba.size(), 16U);
+}
+
 TEST(Picture, RoundsAsFilesDo) {
   const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
   EXPECT_THAT(bytes_of({0.5F / 255, 0.4999F / 255, 254.5F / 255, nan, -1, infinity}, 3),
