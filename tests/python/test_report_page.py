@@ -297,6 +297,34 @@ def test_the_front_and_the_axes_are_those_of_the_numbers(page, study):
     assert page.switch_to.active_element.get_attribute("id") == "error-axis"
 
 
+def test_every_point_has_its_knob_s_value_beside_it(browser, study, tmp_path, monkeypatch):
+    """Over no other value and no mark; where the upper right is taken, in another corner."""
+    monkeypatch.setattr(report.Page, "flip", quick_flip)
+    shutil.copytree(study.folder, tmp_path / "copy")
+    results = json.loads((tmp_path / "copy" / "results.json").read_text())
+    rows = {(each["knobs"], each["quantity"]): each for each in results["rows"]
+            if (each["scene"], each["variant"]) == ("cornell_box view0", "technique00")}
+    first, second = sorted({knobs for knobs, _ in rows})[:2]
+    for quantity, ratio in (("frame", 0.993), (study.data["study"]["metrics"][0], 0.97)):  # to the lower left of the other
+        factor = ratio * rows[second, quantity]["value"] / rows[first, quantity]["value"]
+        for number in ("value", "low", "high"):
+            rows[first, quantity][number] *= factor
+    (tmp_path / "copy" / "results.json").write_text(json.dumps(results))
+    browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {"width": 1200, "height": 900, "deviceScaleFactor": 1, "mobile": False})
+    browser.get(report.write(tmp_path / "copy").as_uri())
+    said(browser, "A is")
+    found = browser.execute_script(
+        "const box = (each) => { const b = each.getBoundingClientRect(); return [b.left, b.top, b.right, b.bottom]; };"
+        "return [...document.querySelectorAll('#chart .point')].map((each) => "
+        "[[...each.querySelectorAll('text')].map(box), box(each.querySelector('.mark'))])")
+    assert len(found) == 5 and all(len(values) == 1 for values, _ in found)  # one is lost
+    slack = 3  # pixels: the box of a text is that of its line
+    apart = lambda a, b: (a[2] < b[0] + slack or b[2] < a[0] + slack or a[3] < b[1] + slack or b[3] < a[1] + slack)  # noqa: E731
+    values = [value for (value,), _ in found]
+    assert all(apart(a, b) for i, a in enumerate(values) for b in values[:i])
+    assert all(apart(value, mark) for value in values for _, mark in found)
+
+
 def test_a_variant_can_be_left_out(page):
     click(page, "#variant-1")
     assert len(page.find_elements(By.CSS_SELECTOR, "#chart .point")) == 3

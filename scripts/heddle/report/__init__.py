@@ -16,6 +16,7 @@ import json
 import os
 import pathlib
 import platform
+import re
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple
 
@@ -402,6 +403,11 @@ def trimmed(explained: Json) -> Json:
 
 # ---- The page ----
 
+def unbroken(text: str) -> str:
+    """No line ends between a number and its %."""
+    return re.sub(r"[+-]?[\d.]+ %", r'<span class="number">\g<0></span>', text)
+
+
 def assemble(data: Json, blobs: Sequence[str]) -> Iterator[str]:
     """Numbers and scripts first, so that they are painted while the pixels are still read."""
     script = "\n".join(["'use strict';", "(() => {", *((HERE / name).read_text() for name in SCRIPTS), "})();"])
@@ -409,7 +415,7 @@ def assemble(data: Json, blobs: Sequence[str]) -> Iterator[str]:
     # What studies and scenes say is text, whatever it says; scripts are these and, beside the page, its images.
     allowed = "'sha256-" + base64.b64encode(hashlib.sha256(script.encode()).digest()).decode() + "'"
     fields: dict[str, Callable[[], str]] = {
-        "title": lambda: html.escape(data["title"]), "verdict": lambda: html.escape(" ".join(data["verdict"])),
+        "title": lambda: html.escape(data["title"]), "verdict": lambda: unbroken(html.escape(" ".join(data["verdict"]))),
         "policy": lambda: f"default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src {allowed} 'self' file:",
         "style": lambda: style,
         "data": lambda: json.dumps(data, allow_nan=False).replace("<", "\\u003c"),

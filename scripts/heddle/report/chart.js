@@ -134,11 +134,14 @@ function drawChart() {
     symbol.setAttribute('transform', `translate(${cx},${cy})`);
     group.append(symbol);
     const label = point.knobs.map(([, value]) => value).join(', ');
-    const box = {x: cx + 11, y: cy - 19, w: 7 * label.length, h: 12};
-    if (label && !taken.some((t) => box.x < t.x + t.w && t.x < box.x + box.w && box.y < t.y + t.h && t.y < box.y + box.h)
-        && box.x + box.w < width - right && shown.length <= 40) {
+    // To the upper right, or in another corner where that is taken.
+    const w = 7 * label.length;
+    const box = [[11, -19], [11, 7], [-11 - w, -19], [-11 - w, 7]].map(([dx, dy]) => ({x: cx + dx, y: cy + dy, w, h: 12}))
+      .find((b) => b.x > left && b.x + b.w < width - right && b.y > top - 12 && b.y + b.h < height - bottom
+        && !taken.some((t) => b.x < t.x + t.w && t.x < b.x + b.w && b.y < t.y + t.h && t.y < b.y + b.h));
+    if (label && box && shown.length <= 40) {
       taken.push(box);
-      group.append(draw('text', {x: box.x, y: cy - 8, class: 'dim', 'aria-hidden': 'true'}, label));
+      group.append(draw('text', {x: box.x, y: box.y + 11, class: 'dim', 'aria-hidden': 'true'}, label));
     }
     tipped(group, `${point.name}${isBest ? '  (no other point beats it)' : ''}\n${pointText(point, false, '\n')}\n${point.settings.join(' ')}\n` +
       'Click: show its image');
