@@ -364,7 +364,8 @@ class Residents:
             raise
 
     def warm_point(self, item: Mapping[str, Any]) -> dict:
-        """{"ms": of a frame, "frames": that it took, "warm_after": of these, None: it never was}."""
+        """{"ms": of a frame with all that is done for it, as estimates need it, "frames": that it took, "warm_after": of these,
+        None: it never was}."""
         point = item["point"]
         self.load(item, point)
         place = (point["owner"], point["name"])
@@ -372,16 +373,17 @@ class Residents:
             return self.warm[place]
         first = self._ask(point, "render", point=point["name"], frames=2)["ms"]
         if first[1] > WARM_LONG_ENOUGH:
-            found = {"frames": 2, "warm_after": 1, "ms": first[1]}
+            found = {"frames": 2, "warm_after": 1, "ms": first[1]}  # recording is little of so much
         else:
             frames: list[float] = []
             for _ in range(3):  # never longer: what keeps changing is said, and measured as it is
+                begun = time.monotonic()
                 frames += self._ask(point, "render", point=point["name"], frames=WARM_FRAMES)["ms"]
+                each = 1e3 * (time.monotonic() - begun) / WARM_FRAMES
                 after = s.warm_up(frames)
                 if after is not None or sum(frames) > WARM_LONG_ENOUGH:
                     break
-            found = {"frames": len(frames) + 2, "warm_after": None if after is None else after + 2,
-                     "ms": float(np.median(frames[len(frames) // 2:]))}
+            found = {"frames": len(frames) + 2, "warm_after": None if after is None else after + 2, "ms": each}
         self.warm[place] = found
         return found
 

@@ -333,7 +333,7 @@ class SceneRun:
             rounds * frame.get(name, 0.0) * (2 if name == self.baseline.name else 1) for name, rounds in missing.items())
         for point in points:
             if self.store.get(self.profile_key(point)) is None:
-                seconds += (PROFILED_FRAMES + 1) * frame.get(point.name, 0.0)
+                seconds += (PROFILED_FRAMES + 2) * frame.get(point.name, 0.0)  # one for memory, one that explains itself
             if self.study.reference is not None and not self.has_images(point):
                 seconds += SEEDS * self.study.settle * frame.get(point.name, 0.0) / self.executor.width
         return seconds + more_seconds(self)
@@ -663,7 +663,7 @@ def measure_scenes(study: Study, options: argparse.Namespace, folder: pathlib.Pa
         with spent.on("warm-up"):
             run.warm_up()
         rest = run.estimate_seconds() * (len(study.scenes) - number)  # other scenes take as long, for all that is known
-        say(f"{scene.name}: about {duration(rest)} to go, and the reference; {study.budget_minutes:g} min at most")
+        say(f"{scene.name}: about {duration(rest)} to go from here, and the reference; {study.budget_minutes:g} min at most")
         run.check_budget(rest)
         with spent.on("errors"):
             run.measure_errors()

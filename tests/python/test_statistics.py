@@ -335,28 +335,36 @@ def test_equal_processes_on_a_busy_machine_rarely_get_a_verdict(tmp_path, capsys
     points = [{**point, "name": name, "owner": name} for name in ("a", "again", "b")]
     load = subprocess.Popen([sys.executable, "-c", "while True: sum(range(10**6))"])
     residents = study_items.Residents(scene, None, 300, tmp_path, lambda: None, contents)
-    words, unrest = [], []
+    words, needed, unrest = {clock: [] for clock in study_items.CLOCKS}, {clock: [] for clock in study_items.CLOCKS}, []
     try:
         for study in range(20):
-            b, again, frames = [], [], []
+            b, again, frames = ({clock: [] for clock in study_items.CLOCKS} for _ in range(3))
             for i, order in enumerate(s.turns(["a", "again", "b"], ROUNDS, 1000 * study)):
                 found = residents.do({"do": "round", "points": points, "order": order, "frames": 1, "port": "ao.visibility"})
-                values = s.round_values(order, [turn[0] for turn in found["ms"]])
-                b.append(values["b"] - values["a"])
-                again.append(values["again"] - values["a"])
-                frames += [turn[0] for name, turn in zip(order, found["ms"]) if name == "a"]
-            words.append(verdict(b, again).word)
+                for clock in study_items.CLOCKS:
+                    values = s.round_values(order, [turn[0] for turn in found[clock]])
+                    b[clock].append(values["b"] - values["a"])
+                    again[clock].append(values["again"] - values["a"])
+                    frames[clock] += [turn[0] for name, turn in zip(order, found[clock]) if name == "a"]
+            for clock in study_items.CLOCKS:
+                told = verdict(b[clock], again[clock], math.log1p(0.02))
+                words[clock].append(told.word)
+                if told.word == s.UNDECIDED:
+                    needed[clock].append(told.rounds_needed(s.noise([b[clock], again[clock]], ROUNDS)) or math.inf)
             others = found["others"][0] / found["others"][1]
-            unrest.append(s.unrest(frames, s.floor_of(again), math.log1p(0.02), others))
+            unrest.append(s.unrest(frames["ms"], s.floor_of(again["ms"]), math.log1p(0.02), others))
     finally:
         residents.close()
         load.kill()
         load.wait()
     with capsys.disabled():
-        print(f"20 real A/A: {', '.join(f'{words.count(word)} {word}' for word in sorted(set(words)))}; "
-              f"{sum(map(bool, unrest))} were flagged")
+        for clock, own in words.items():
+            print(f"20 real A/A by {clock}, {ROUNDS} rounds: {', '.join(f'{own.count(word)} {word}' for word in sorted(set(own)))}"
+                  + (f"; of these about {np.median(needed[clock]):.0f} rounds would tell (median)" if needed[clock] else ""))
+        print(f"{sum(map(bool, unrest))} were flagged; the first: {unrest[0]}")
     # P(more than 3 of 20) = 0.14 % if each is false in 2.5 %; P(more than 2) = 1.3 %.
-    false = sum(word in (s.BETTER, s.WORSE) for word in words)
-    chance = sum(math.comb(20, k) * s.FALSE_VERDICTS**k * (1 - s.FALSE_VERDICTS) ** (20 - k) for k in range(false, 21))
-    assert chance >= 0.01, words
+    for own in words.values():
+        false = sum(word in (s.BETTER, s.WORSE) for word in own)
+        chance = sum(math.comb(20, k) * s.FALSE_VERDICTS**k * (1 - s.FALSE_VERDICTS) ** (20 - k) for k in range(false, 21))
+        assert chance >= 0.01, own
     assert any(unrest)  # the load was there, and was seen

@@ -549,7 +549,7 @@ def test_the_estimate_is_of_what_is_not_measured_yet(host, tmp_path):
                                study_items.Contents(), print, lambda: None, 0.0)
     scene.keys = {point.name: point.name for point in study.points}
     scene.warm = {point.name: {"ms": 1000.0 * (i + 1)} for i, point in enumerate(study.points)}
-    profiles, images = study_items.PROFILED_FRAMES + 1, study_items.SEEDS
+    profiles, images = study_items.PROFILED_FRAMES + 2, study_items.SEEDS
     assert scene.estimate_seconds() == 7 * 2 * 2 * (2 * 1 + 2 + 3) + (profiles + images) * (1 + 2 + 3)
     few, again, one = "few", study_items.AGAIN, "rays samples=1"
     for number in range(7):  # two of three are timed

@@ -310,7 +310,6 @@ def test_a_scene_of_the_command_line_that_is_not_there_is_said_there(host, tmp_p
 
 
 def test_a_ladder_has_a_line_of_its_own(host, tmp_path, monkeypatch):
-
     study = dataclasses.replace(read(host, tmp_path, FILE + 'climb = "each"\n'), metrics=("rmse",))
     rows = [{"scene": "box", "variant": "v", "knobs": point.name[2:], "quantity": quantity, "value": value + i, "low": value + i,
              "high": value + i} for i, point in enumerate(study.points) for quantity, value in (("frame", 2.0), ("rmse", 1.0))]
