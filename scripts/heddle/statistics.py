@@ -202,12 +202,11 @@ class Verdict:
         return max(self.floor + chance.end, self.matters + chance.middle)
 
     def rounds_needed(self, chance: Noise) -> int | None:
-        """About how many rounds would have told, if there is no difference, that there is none that matters; None: no number
-        of them would, because the floor is as high."""
-        room = self.matters - self.floor
-        if room <= 0.0 or not math.isfinite(chance.end):
+        """About how many rounds would have told, if there is no difference, that there is none that matters: noise, and a floor
+        that is noise, fall with their root. None if nothing matters, or too little is known of the noise."""
+        if self.matters <= 0.0 or not math.isfinite(chance.end):
             return None
-        return max(FEWEST_ROUNDS, math.ceil(chance.rounds * (chance.end / room) ** 2))
+        return max(FEWEST_ROUNDS, math.ceil(chance.rounds * ((chance.end + self.floor) / self.matters) ** 2))
 
 
 def decide(differences: ArrayLike, floor: float = 0.0, matters: float = 0.0) -> Verdict:
@@ -260,8 +259,13 @@ def round_values(order: Sequence[Name], times: Sequence[float]) -> dict[Name, fl
 
 
 def floor_of(differences: ArrayLike) -> float:
-    """The noise floor that an A/A comparison of a run shows: by what two equal variants came to differ, where it is certain
-    that they did, as two processes may; where it is not, there is nothing but the noise that each interval has in it."""
+    """The noise floor that an A/A comparison of a run shows: by what two equal variants came to differ. The coin knows nothing
+    of what stays with a process for a while, such as a busy processor that it was put on."""
+    return abs(difference(differences).value)
+
+
+def certain_difference(differences: ArrayLike) -> float:
+    """By what two equal variants differed, if that is certain; else 0: noise alone shows some difference in every run."""
     found = difference(differences)
     return abs(found.value) if found.low > 0.0 or found.high < 0.0 else 0.0
 
@@ -297,7 +301,7 @@ def unrest(times: ArrayLike, floor: float, resolution: float, foreign_share: flo
     as wide as the machine is restless.
 
     times:         of one variant, in the order in which they were taken
-    floor:         floor_of() the A/A comparison, in the logarithm
+    floor:         certain_difference() of the A/A comparison, in the logarithm
     foreign_share: part of the machine's processors that others used meanwhile, 0 to 1; None: unknown
     """
     values = np.asarray(times, dtype=np.float64).ravel()

@@ -109,14 +109,15 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
                          "confidence": interval.confidence}
 
     def told(verdict: s.Verdict, noise: s.Noise) -> dict[str, Any]:
-        needed = verdict.rounds_needed(noise) if verdict.word == s.UNDECIDED else None
         return {"against": baseline.name, "verdict": verdict.word, "difference": verdict.difference.value,
                 "difference_low": verdict.difference.low, "difference_high": verdict.difference.high, "floor": verdict.floor,
-                "smallest_seen": verdict.smallest_seen(noise), "matters": verdict.matters,
-                **({"rounds_needed": needed} if needed is not None else {})}
+                "smallest_seen": verdict.smallest_seen(noise), "matters": verdict.matters}
+
+    def told_time(verdict: s.Verdict, noise: s.Noise) -> dict[str, Any]:
+        needed = verdict.rounds_needed(noise) if verdict.word == s.UNDECIDED else None
+        return told(verdict, noise) | ({"rounds_needed": needed} if needed is not None else {})
 
     compared = {quantity: Compared(run, clock) for quantity, (clock, _) in TIMES.items()}
-    floor = compared["frame"].floor
     restless: list[str] = []
     for point in study.points:
         if run.state[point.name][0] != "ok":
@@ -129,13 +130,14 @@ def rows_of(run: SceneRun) -> tuple[list[dict], list[str]]:
                          if name == point.name]
                 own = compared[quantity]
                 row(point, quantity, "ms", s.median(turns), len(frames), formula=formula, machine=run.machine,
-                    **(told(*own.verdict(point.name, math.log1p(study.resolution))) if point.name in own.differences else {}))
+                    **(told_time(*own.verdict(point.name, math.log1p(study.resolution))) if point.name in own.differences else {}))
                 if point is baseline:
                     row(point, f"{quantity} noise floor", "log ratio", s.difference(own.differences[AGAIN]),
                         len(own.differences[AGAIN]), formula="the same variant against itself, in another process",
                         machine=run.machine)
             if point is baseline:
-                restless = s.unrest(frames, floor, math.log1p(study.resolution), run.foreign)
+                certain = s.certain_difference(compared["frame"].differences[AGAIN])
+                restless = s.unrest(frames, certain, math.log1p(study.resolution), run.foreign)
         if point.name in run.changing:
             restless.append(f"frames of {point.name} were still changing after {run.changing[point.name]} of them")
         if found := run.measured.get(point.name):

@@ -171,7 +171,7 @@ def test_undecided_says_how_many_rounds_would_tell_and_they_do():
         told.append(s.decide(rng.normal(0, 0.03, needed), 0.0, 0.02).word)
     # "About": the noise itself is known from twenty differences; were it known exactly, 98 % would be told.
     assert len(told) > 30 and told.count(s.SAME) >= 0.85 * len(told)
-    assert s.decide([0.0, 0.1] * 8, floor=0.03, matters=0.02).rounds_needed(s.noise([[0.0, 0.1] * 8], 16)) is None
+    assert s.decide([0.0, 0.1] * 8, floor=0.03).rounds_needed(s.noise([[0.0, 0.1] * 8], 16)) is None
 
 
 def test_one_disturbed_round_does_not_spoil_all_comparisons():
@@ -211,11 +211,12 @@ def test_the_floor_is_no_difference():
     assert s.decide(differences, floor=0.08, matters=0.1).word == s.UNDECIDED
 
 
-def test_two_equal_variants_have_a_floor_where_they_certainly_differ():
-    assert s.floor_of(np.linspace(-0.02, 0.03, 15)) == 0.0
+def test_two_equal_variants_have_a_floor_and_are_flagged_where_they_certainly_differ():
+    assert s.floor_of(np.linspace(-0.02, 0.03, 15)) == pytest.approx(0.005)
+    assert s.certain_difference(np.linspace(-0.02, 0.03, 15)) == 0.0
     for certain in (np.linspace(0.01, 0.03, 15), np.linspace(-0.03, -0.01, 15)):
-        assert s.floor_of(certain) == pytest.approx(0.02)
-    assert s.floor_of([0.5] * 6) == 0.0
+        assert s.certain_difference(certain) == s.floor_of(certain) == pytest.approx(0.02)
+    assert s.certain_difference([0.5] * 6) == 0.0
 
 
 def test_values_without_noise_are_decided_by_the_floor_and_by_what_matters():
@@ -352,7 +353,7 @@ def test_equal_processes_on_a_busy_machine_rarely_get_a_verdict(tmp_path, capsys
                 if told.word == s.UNDECIDED:
                     needed[clock].append(told.rounds_needed(s.noise([b[clock], again[clock]], ROUNDS)) or math.inf)
             others = found["others"][0] / found["others"][1]
-            unrest.append(s.unrest(frames["ms"], s.floor_of(again["ms"]), math.log1p(0.02), others))
+            unrest.append(s.unrest(frames["ms"], s.certain_difference(again["ms"]), math.log1p(0.02), others))
     finally:
         residents.close()
         load.kill()
