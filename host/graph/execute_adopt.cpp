@@ -96,7 +96,9 @@ void Executor::State::retire() {
         std::ranges::any_of(wanted, [&](ResourceIndex w) { return resources[w].root == i && state.image; });
     const bool is_value = (graph.resources[i].type == PortType::kValue && state.value.is_set) || state.made;
     if (!is_value && !(is_memory && (is_wanted || is_any_version_kept(i)))) continue;
-    legacy.memory.try_emplace(graph.resources[i].name, graph.resources[i], std::move(state));
+    const std::string& name = graph.resources[i].name;
+    if (!legacy.memory.contains(name))
+      legacy.memory.emplace(name, Legacy::Memory{graph.resources[i], std::move(state)});
   }
   passes.clear();
   resources.clear();

@@ -83,7 +83,7 @@ std::vector<ResourceIndex> Executor::State::needed_artifacts(const std::vector<s
     for (const auto& [port, resource] : pass.ports)
       if (!pass.is_pruned && original.resources[resource].job != kNoIndex) needed.push_back(resource);
   std::ranges::sort(needed);
-  needed.erase(std::ranges::unique(needed).begin(), needed.end());
+  needed.erase(std::unique(needed.begin(), needed.end()), needed.end());
   return needed;
 }
 

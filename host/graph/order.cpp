@@ -475,7 +475,7 @@ class Scheduler {
       if (!reasons[i].empty()) why.push_back(reasons[i]);
     }
     if (circle.size() > 1 && circle.front() == circle.back()) circle.pop_back();
-    std::ranges::rotate(circle, std::ranges::min_element(circle));
+    std::rotate(circle.begin(), std::ranges::min_element(circle), circle.end());
     circle.push_back(circle.front());
     std::ranges::sort(why);
     std::string text;
