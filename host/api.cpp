@@ -657,6 +657,7 @@ heddle_status heddle_stats(heddle_graph* graph, const char** out_json) {
                     {"passes_redeclared", stats.plan.passes_redeclared},
                     {"pipelines_made", stats.plan.pipelines_made},
                     {"pipelines_kept", stats.plan.pipelines_kept},
+                    {"pipelines_shared", stats.plan.pipelines_shared},
                     {"wall_ms", stats.plan.wall_ms}};
     json["artifacts"] = Json::array();
     for (const auto& use : stats.artifacts) {

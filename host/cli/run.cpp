@@ -144,10 +144,10 @@ void render_frames(const RunArguments& arguments, heddle_host* host, heddle_grap
                     parsed["run"]["minimum_ms"].get<double>(), parsed["run"]["maximum_ms"].get<double>()));
   if (arguments.watch) {
     const Json& plan = parsed["plan"];
-    say(arguments.host,
-        fmt::format("planned in {:.0f} ms: {} passes and {} pipelines made, {} and {} kept",
-                    plan["wall_ms"].get<double>(), plan["passes_made"].get<int>(), plan["pipelines_made"].get<int>(),
-                    plan["passes_kept"].get<int>(), plan["pipelines_kept"].get<int>()));
+    say(arguments.host, fmt::format("planned in {:.0f} ms: {} passes and {} pipelines made, {} and {} kept",
+                                    plan["wall_ms"].get<double>(), plan["passes_made"].get<int>(),
+                                    plan["pipelines_made"].get<int>(), plan["passes_kept"].get<int>(),
+                                    plan["pipelines_kept"].get<int>() + plan["pipelines_shared"].get<int>()));
   }
   writing.finish();
 }

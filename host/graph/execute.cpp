@@ -21,13 +21,9 @@ Executor::~Executor() {
   State& s = *state_;
   s.unplan();
   if (s.device == nullptr) return;
-  const heddle_vulkan& vk = s.device->table();
   s.scene_buffers.reset();
-  s.destroy(s.programs);
   s.destroy_frame_memory(s);
   for (FrameMemory& memory : s.spare) s.destroy_frame_memory(memory);
-  vk.DestroyDescriptorSetLayout(vk.device, s.materials_layout, nullptr);
-  vk.DestroyDescriptorSetLayout(vk.device, s.program_layout, nullptr);
 }
 
 void Executor::keep(std::string_view resource) {

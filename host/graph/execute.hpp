@@ -80,6 +80,7 @@ struct JobResult {
 /// What the last planning of a graph made and what it took over from the plan before.
 struct PlanStats {
   std::uint32_t passes_made = 0, passes_kept = 0, pipelines_made = 0, pipelines_kept = 0;
+  std::uint32_t pipelines_shared = 0;   // neither made nor of the plan before: others of this host have or had the same
   std::uint32_t passes_redeclared = 0;  // of those that were kept
   double wall_ms = 0;
 };

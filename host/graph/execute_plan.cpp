@@ -71,7 +71,6 @@ bool Executor::State::is_any_version_kept(ResourceIndex first) const {
 void Executor::State::open_device() {
   if (device != nullptr) return;
   vulkan::Device& opened = services.device();
-  const heddle_vulkan& vk = opened.table();
   maker = std::make_unique<vulkan::PipelineMaker>(opened, services.cache_folder);
   materials_layout = scene::make_materials_layout(opened);
 
@@ -81,11 +80,7 @@ void Executor::State::open_device() {
     bindings[i] = {i, i == 3 ? VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC : VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1,
                    VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT, nullptr};
   }
-  VkDescriptorSetLayoutCreateInfo layout_info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
-  layout_info.bindingCount = bindings.size();
-  layout_info.pBindings = bindings.data();
-  vulkan::check(vk.CreateDescriptorSetLayout(vk.device, &layout_info, nullptr, &program_layout),
-                "vkCreateDescriptorSetLayout");
+  program_layout = opened.pipelines().set_layout(bindings);
 
   device = &opened;
   static_cast<FrameMemory&>(*this) = make_frame_memory();
@@ -642,6 +637,10 @@ void Executor::State::write_parameters(PassState& state) {
   device->note_host_write(state.parameters);
 }
 
+void Executor::State::count_pipeline(const vulkan::Pipeline& pipeline) {
+  ++(pipeline.was_there() ? stats.plan.pipelines_shared : stats.plan.pipelines_made);
+}
+
 void Executor::State::make_pipelines(ShaderState& shader) {
   switch (shader.shader->kind) {
     case ShaderKind::kCompute:
@@ -728,13 +727,12 @@ void Executor::State::compile_passes(bool is_restoring) {
   }
   Programs own_programs = compile_programs(is_restoring);
   std::swap(programs, own_programs);
-  destroy(own_programs);
   for (Made& made : all) {
     ShaderState* former = former_pipelines(*made.pass, made.shader);
     make_pipelines_behind(pass_of(*made.pass), made.shader, former);
     if (former != nullptr) continue;
     make_pipelines(made.shader);
-    ++stats.plan.pipelines_made;
+    count_pipeline(made.shader.pipeline);
   }
   for (Made& made : all) {
     ShaderState* former = made.shader.pipeline ? nullptr : former_pipelines(*made.pass, made.shader);

@@ -5,6 +5,8 @@
 #include "graph/execute_state.hpp"
 #include "graph/uses.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace heddle::graph {
@@ -28,13 +30,6 @@ std::vector<ProgramState*> Executor::State::programs_behind(const Pass& pass, co
 const ProgramState* Executor::State::program_behind(ResourceIndex made) const {
   if (program_of(graph, made) == nullptr) return nullptr;
   return &programs.at(graph.passes[graph.resources[made].producer].name);
-}
-
-void Executor::State::destroy(Programs& old) const {
-  if (device == nullptr) return;
-  const heddle_vulkan& vk = device->table();
-  for (const auto& [name, own] : old) vk.DestroyDescriptorSetLayout(vk.device, own.layout, nullptr);
-  old.clear();
 }
 
 /// Those that this plan needs. `is_restoring`: as they were; no file is read.
@@ -71,12 +66,7 @@ Executor::State::Programs Executor::State::compile_programs(bool is_restoring) c
     }
     for (const vulkan::Binding& binding : own.compiled.bindings)
       slots.push_back({binding.binding, vulkan::descriptor_type(binding), 1, VK_SHADER_STAGE_VERTEX_BIT, nullptr});
-    VkDescriptorSetLayoutCreateInfo layout_info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
-    layout_info.bindingCount = static_cast<std::uint32_t>(slots.size());
-    layout_info.pBindings = slots.data();
-    const heddle_vulkan& vk = device->table();
-    vulkan::check(vk.CreateDescriptorSetLayout(vk.device, &layout_info, nullptr, &own.layout),
-                  "vkCreateDescriptorSetLayout");
+    own.layout = device->pipelines().set_layout(slots);
   }
   return made;
 }
@@ -101,7 +91,7 @@ void Executor::State::make_pipelines_behind(const Pass& pass, ShaderState& shade
         maker->surfaces(own->program, shader.compiled, shader.values, shader.raster, materials_layout, own->layout);
     if (shader.shader->file.empty())
       made.masked = maker->surfaces_masked_depth(own->program, shader.raster, materials_layout, own->layout);
-    ++stats.plan.pipelines_made;
+    count_pipeline(made.pipeline);
     shader.behind.emplace(name, std::move(made));
   }
 }

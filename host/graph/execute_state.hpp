@@ -363,10 +363,10 @@ struct Executor::State : FrameMemory {
   ShaderState compile_shader(const PassState& pass, const Shader& shader, bool is_restoring);
   void compile_passes(bool is_restoring);
   void make_pipelines(ShaderState& shader);
+  void count_pipeline(const vulkan::Pipeline& pipeline);
   // Surface programs of techniques (execute_programs.cpp).
   using Programs = std::map<std::string, ProgramState, std::less<>>;
   [[nodiscard]] Programs compile_programs(bool is_restoring) const;
-  void destroy(Programs& old) const;
   [[nodiscard]] std::vector<ProgramState*> programs_behind(const Pass& pass, const ShaderState& shader);
   [[nodiscard]] static ShaderState::Behind* former_behind(ShaderState* former, const ProgramState& own,
                                                           const std::string& pass);

@@ -10,6 +10,7 @@
 
 #include "scene/light_texture.hpp"
 #include "scene/texture_groups.hpp"
+#include "vulkan/pipeline_store.hpp"
 
 namespace heddle::scene {
 namespace {
@@ -375,14 +376,7 @@ VkDescriptorSetLayout make_materials_layout(vulkan::Device& device) {
     bindings[i].descriptorCount = 1;
     bindings[i].stageFlags = VK_SHADER_STAGE_FRAGMENT_BIT;
   }
-  VkDescriptorSetLayoutCreateInfo info{};
-  info.sType = VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO;
-  info.bindingCount = static_cast<std::uint32_t>(bindings.size());
-  info.pBindings = bindings.data();
-  VkDescriptorSetLayout layout = VK_NULL_HANDLE;
-  const heddle_vulkan& vk = device.table();
-  vulkan::check(vk.CreateDescriptorSetLayout(vk.device, &info, nullptr, &layout), "vkCreateDescriptorSetLayout");
-  return layout;
+  return device.pipelines().set_layout(bindings);
 }
 
 }  // namespace heddle::scene

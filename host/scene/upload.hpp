@@ -122,6 +122,7 @@ class SceneBuffers {
   std::unique_ptr<State> state_;
 };
 /// Layout of set 2, fragment stage.
+/// The device's: nobody destroys it.
 VkDescriptorSetLayout make_materials_layout(vulkan::Device& device);
 
 struct MadeSurfaces;

@@ -83,6 +83,7 @@ Device::State::State(const DeviceOptions& options) : sink(options.log), instance
     table->remove(&heddle_vulkan::CmdDrawIndexedIndirectCount);
   }
   memory.emplace(table->table(), memory_properties, features.v12.bufferDeviceAddress == VK_TRUE);
+  pipelines.emplace(table->table());
 
   try {
     make_objects();
@@ -158,6 +159,9 @@ std::uint32_t Device::queue_family() const {
 }
 Counters Device::counters() const {
   return state_->table->counters();
+}
+PipelineStore& Device::pipelines() const {
+  return *state_->pipelines;
 }
 std::vector<std::string> Device::take_validation_errors() {
   return state_->sink.take_errors();

@@ -19,6 +19,7 @@ namespace heddle::vulkan {
 namespace hazard {
 class Recorder;
 }
+class PipelineStore;
 
 /// What the host counts; differences between two readings prove what a frame did.
 struct Counters {
@@ -158,6 +159,8 @@ class Device {
   [[nodiscard]] VkQueue queue() const;
   [[nodiscard]] std::uint32_t queue_family() const;
   [[nodiscard]] Counters counters() const;
+  /// What graphs of this device share.
+  [[nodiscard]] PipelineStore& pipelines() const;
   /// Errors the validation layer reported since the last call, and forgets them. Empty without validation.
   std::vector<std::string> take_validation_errors();
   /// Follows every call in check mode; else nullptr.

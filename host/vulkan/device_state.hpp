@@ -7,6 +7,7 @@
 #include "vulkan/hazard_recorder.hpp"
 #include "vulkan/loader.hpp"
 #include "vulkan/memory.hpp"
+#include "vulkan/pipeline_store.hpp"
 #include "vulkan/select.hpp"
 #include "vulkan/table.hpp"
 
@@ -51,6 +52,7 @@ struct Device::State {
   std::unique_ptr<Proof> proof;  // check mode alone; outlives the table, which tells it of calls
   std::optional<CountedTable> table;
   std::optional<MemoryPools> memory;
+  std::optional<PipelineStore> pipelines;
 
   // run(): one command buffer, used again and again.
   std::mutex run_mutex;

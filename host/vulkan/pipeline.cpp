@@ -3,6 +3,7 @@
 #include "vulkan/shader_source.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 namespace heddle::vulkan {
@@ -38,20 +39,15 @@ VkDescriptorType descriptor_type(const Binding& binding) {
 namespace {
 
 // Set layouts of one shader's bindings: those of sets 0 .. `count`-1 that are not given, empty ones where nothing is.
-void make_set_layouts(Device& device, const std::vector<Binding>& bindings, std::uint32_t count,
-                      VkShaderStageFlags stage, std::array<VkDescriptorSetLayout, 4>& sets, std::uint32_t& owned) {
-  const heddle_vulkan& vk = device.table();
+void find_set_layouts(Device& device, const std::vector<Binding>& bindings, std::uint32_t count,
+                      VkShaderStageFlags stage, std::array<VkDescriptorSetLayout, 4>& sets) {
   for (std::uint32_t set = 0; set < count; ++set) {
     if (sets.at(set) != VK_NULL_HANDLE) continue;
     std::vector<VkDescriptorSetLayoutBinding> slots;
     for (const Binding& binding : bindings) {
       if (binding.set == set) slots.push_back({binding.binding, descriptor_type(binding), 1, stage, nullptr});
     }
-    VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
-    info.bindingCount = static_cast<std::uint32_t>(slots.size());
-    info.pBindings = slots.data();
-    check(vk.CreateDescriptorSetLayout(vk.device, &info, nullptr, &sets.at(set)), "vkCreateDescriptorSetLayout");
-    owned |= 1U << set;
+    sets.at(set) = device.pipelines().set_layout(slots);
   }
 }
 
@@ -154,68 +150,128 @@ Pipeline::Pipeline(Pipeline&& other) noexcept {
 }
 
 Pipeline& Pipeline::operator=(Pipeline&& other) noexcept {
-  std::swap(device_, other.device_);
-  std::swap(pipeline_, other.pipeline_);
-  std::swap(layout_, other.layout_);
-  std::swap(sets_, other.sets_);
-  std::swap(owned_sets_, other.owned_sets_);
-  std::swap(bind_point_, other.bind_point_);
+  std::swap(store_, other.store_);
+  std::swap(shared_, other.shared_);
+  std::swap(was_there_, other.was_there_);
   return *this;
 }
 
 Pipeline::~Pipeline() {
-  if (device_ == nullptr) return;
-  const heddle_vulkan& vk = device_->table();
-  vk.DestroyPipeline(vk.device, pipeline_, nullptr);
-  vk.DestroyPipelineLayout(vk.device, layout_, nullptr);
-  for (std::uint32_t set = 0; set < sets_.size(); ++set) {
-    if ((owned_sets_ & (1U << set)) != 0) vk.DestroyDescriptorSetLayout(vk.device, sets_.at(set), nullptr);
-  }
+  if (shared_ != nullptr) store_->give_back(*shared_);
 }
+
+/// Everything that a pipeline is made of.
+struct PipelineMaker::Wanted {
+  VkShaderStageFlags stage = VK_SHADER_STAGE_COMPUTE_BIT;  // of code, bindings and pushed bytes
+  std::span<const std::uint32_t> code, vertex;             // no vertex stage: a compute shader
+  const Constants* constants = nullptr;
+  const Constants* vertex_constants = nullptr;
+  const RasterState* raster = nullptr;
+  bool is_surfaces = false;
+  std::array<VkDescriptorSetLayout, 4> sets{};
+  std::uint32_t set_count = 0, push_bytes = 0;
+
+  [[nodiscard]] std::string key() const {
+    std::vector<std::uint32_t> plain{stage, is_surfaces ? 1U : 0U, push_bytes, set_count};
+    const auto add_constants = [&](const Constants* values) {
+      plain.push_back(values != nullptr ? static_cast<std::uint32_t>(values->size()) : 0);
+      if (values == nullptr) return;
+      for (const auto& [id, bits] : *values) plain.insert(plain.end(), {id, bits});
+    };
+    add_constants(constants);
+    add_constants(vertex_constants);
+    for (std::uint32_t set = 0; set < set_count; ++set) {  // the same handle is the same layout
+      const auto handle = std::bit_cast<std::uint64_t>(sets.at(set));
+      plain.insert(plain.end(), {static_cast<std::uint32_t>(handle), static_cast<std::uint32_t>(handle >> 32U)});
+    }
+    if (raster != nullptr) {
+      plain.push_back(static_cast<std::uint32_t>(raster->color_formats.size()));
+      for (const VkFormat format : raster->color_formats) plain.push_back(static_cast<std::uint32_t>(format));
+      plain.push_back(static_cast<std::uint32_t>(raster->blends.size()));
+      plain.insert(plain.end(), raster->blends.begin(), raster->blends.end());
+      plain.insert(plain.end(), {static_cast<std::uint32_t>(raster->depth_format), raster->depth_write ? 1U : 0U,
+                                 static_cast<std::uint32_t>(raster->depth_compare),
+                                 std::bit_cast<std::uint32_t>(raster->depth_bias_constant),
+                                 std::bit_cast<std::uint32_t>(raster->depth_bias_slope)});
+    }
+    ContentHash hash;
+    for (const std::span<const std::uint32_t> words : {std::span<const std::uint32_t>(plain), code, vertex})
+      hash.add_long(std::as_bytes(words));
+    return hash.hexadecimal();
+  }
+};
 
 PipelineMaker::PipelineMaker(Device& device, std::filesystem::path cache_folder)
     : device_(&device), cache_folder_(std::move(cache_folder)) {}
 
+Pipeline PipelineMaker::shared(const Wanted& wanted) {
+  PipelineStore& store = device_->pipelines();
+  const std::string key = wanted.key();
+  Pipeline pipeline;
+  pipeline.store_ = &store;
+  pipeline.shared_ = store.take(key);
+  pipeline.was_there_ = pipeline.shared_ != nullptr;
+  if (pipeline.was_there_) return pipeline;
+  PipelineObjects made;
+  made.sets = wanted.sets;
+  made.layout = make_layout(*device_, std::span(wanted.sets).first(wanted.set_count), wanted.stage, wanted.push_bytes);
+  try {
+    if (wanted.vertex.empty()) {
+      made.pipeline = make_compute(wanted, made.layout);
+    } else {
+      made.bind_point = VK_PIPELINE_BIND_POINT_GRAPHICS;
+      made.pipeline = make_graphics(wanted, made.layout);
+    }
+  } catch (...) {
+    device_->table().DestroyPipelineLayout(device_->table().device, made.layout, nullptr);
+    throw;
+  }
+  pipeline.shared_ = store.add(key, made);
+  return pipeline;
+}
+
 Pipeline PipelineMaker::compute(const CompiledShader& shader, const Constants& constants) {
-  const heddle_vulkan& vk = device_->table();
-  Pipeline made;
-  made.device_ = device_;
-  const std::uint32_t count = sets_used(shader.bindings);
-  make_set_layouts(*device_, shader.bindings, count, VK_SHADER_STAGE_COMPUTE_BIT, made.sets_, made.owned_sets_);
-  made.layout_ =
-      make_layout(*device_, std::span(made.sets_).first(count), VK_SHADER_STAGE_COMPUTE_BIT, shader.push_bytes);
-  const Module module(*device_, shader.spirv);
-  const Specialization specialization(constants);
-  VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
-  info.stage = stage_info(VK_SHADER_STAGE_COMPUTE_BIT, module, &specialization);
-  info.layout = made.layout_;
-  check(vk.CreateComputePipelines(vk.device, VK_NULL_HANDLE, 1, &info, nullptr, &made.pipeline_),
-        "vkCreateComputePipelines");
-  return made;
+  Wanted wanted;
+  wanted.code = shader.spirv;
+  wanted.constants = &constants;
+  wanted.set_count = sets_used(shader.bindings);
+  wanted.push_bytes = shader.push_bytes;
+  find_set_layouts(*device_, shader.bindings, wanted.set_count, wanted.stage, wanted.sets);
+  return shared(wanted);
 }
 
 Pipeline PipelineMaker::fullscreen(const CompiledShader& shader, const Constants& constants, const RasterState& state) {
   if (fullscreen_vertex_.empty()) {
     fullscreen_vertex_ = shader::compile_own("fullscreen.vert", kFullscreenVertex, cache_folder_, {});
   }
-  Pipeline made;
-  made.device_ = device_;
-  const std::uint32_t count = sets_used(shader.bindings);
-  make_set_layouts(*device_, shader.bindings, count, VK_SHADER_STAGE_FRAGMENT_BIT, made.sets_, made.owned_sets_);
-  made.layout_ =
-      make_layout(*device_, std::span(made.sets_).first(count), VK_SHADER_STAGE_FRAGMENT_BIT, shader.push_bytes);
-  return graphics(fullscreen_vertex_, shader.spirv, std::move(made), constants, state, false);
+  Wanted wanted;
+  wanted.stage = VK_SHADER_STAGE_FRAGMENT_BIT;
+  wanted.code = shader.spirv;
+  wanted.vertex = fullscreen_vertex_;
+  wanted.constants = &constants;
+  wanted.raster = &state;
+  wanted.set_count = sets_used(shader.bindings);
+  wanted.push_bytes = shader.push_bytes;
+  find_set_layouts(*device_, shader.bindings, wanted.set_count, wanted.stage, wanted.sets);
+  return shared(wanted);
 }
 
 Pipeline PipelineMaker::surfaces(const SurfaceProgram& program, const CompiledShader& fragment,
                                  const Constants& constants, const RasterState& state, VkDescriptorSetLayout materials,
                                  VkDescriptorSetLayout program_set) {
-  Pipeline made;
-  made.device_ = device_;
-  made.sets_ = {VK_NULL_HANDLE, VK_NULL_HANDLE, materials, program_set};
-  make_set_layouts(*device_, fragment.bindings, 4, VK_SHADER_STAGE_FRAGMENT_BIT, made.sets_, made.owned_sets_);
-  made.layout_ = make_layout(*device_, made.sets_, VK_SHADER_STAGE_FRAGMENT_BIT, fragment.push_bytes);
-  return graphics(program.vertex, fragment.spirv, std::move(made), constants, state, true, program.constants);
+  Wanted wanted;
+  wanted.stage = VK_SHADER_STAGE_FRAGMENT_BIT;
+  wanted.code = fragment.spirv;
+  wanted.vertex = program.vertex;
+  wanted.constants = &constants;
+  wanted.vertex_constants = &program.constants;
+  wanted.raster = &state;
+  wanted.is_surfaces = true;
+  wanted.sets = {VK_NULL_HANDLE, VK_NULL_HANDLE, materials, program_set};
+  wanted.set_count = 4;
+  wanted.push_bytes = fragment.push_bytes;
+  find_set_layouts(*device_, fragment.bindings, wanted.set_count, wanted.stage, wanted.sets);
+  return shared(wanted);
 }
 
 Pipeline PipelineMaker::surfaces_masked_depth(const SurfaceProgram& program, const RasterState& state,
@@ -226,19 +282,29 @@ Pipeline PipelineMaker::surfaces_masked_depth(const SurfaceProgram& program, con
   return surfaces(program, masked, {}, state, materials, program_set);
 }
 
-Pipeline PipelineMaker::graphics(std::span<const std::uint32_t> vertex, std::span<const std::uint32_t> fragment,
-                                 Pipeline&& layouts, const Constants& constants, const RasterState& state,
-                                 bool is_surfaces, const Constants& vertex_constants) {
+VkPipeline PipelineMaker::make_compute(const Wanted& wanted, VkPipelineLayout layout) const {
   const heddle_vulkan& vk = device_->table();
-  Pipeline made = std::move(layouts);
-  made.bind_point_ = VK_PIPELINE_BIND_POINT_GRAPHICS;
+  const Module module(*device_, wanted.code);
+  const Specialization specialization(*wanted.constants);
+  VkComputePipelineCreateInfo info{VK_STRUCTURE_TYPE_COMPUTE_PIPELINE_CREATE_INFO};
+  info.stage = stage_info(VK_SHADER_STAGE_COMPUTE_BIT, module, &specialization);
+  info.layout = layout;
+  VkPipeline pipeline = VK_NULL_HANDLE;
+  check(vk.CreateComputePipelines(vk.device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline), "vkCreateComputePipelines");
+  return pipeline;
+}
 
-  const Module vertex_module(*device_, vertex);
+VkPipeline PipelineMaker::make_graphics(const Wanted& wanted, VkPipelineLayout layout) const {
+  const heddle_vulkan& vk = device_->table();
+  const RasterState& state = *wanted.raster;
+  const Constants none;
+  const Module vertex_module(*device_, wanted.vertex);
   std::optional<Module> fragment_module;
-  const Specialization specialization(constants), vertex_specialization(vertex_constants);
+  const Specialization specialization(*wanted.constants);
+  const Specialization vertex_specialization(wanted.vertex_constants != nullptr ? *wanted.vertex_constants : none);
   std::vector stages{stage_info(VK_SHADER_STAGE_VERTEX_BIT, vertex_module, &vertex_specialization)};
-  if (!fragment.empty()) {
-    fragment_module.emplace(*device_, fragment);
+  if (!wanted.code.empty()) {
+    fragment_module.emplace(*device_, wanted.code);
     stages.push_back(stage_info(VK_SHADER_STAGE_FRAGMENT_BIT, *fragment_module, &specialization));
   }
 
@@ -283,7 +349,7 @@ Pipeline PipelineMaker::graphics(std::span<const std::uint32_t> vertex, std::spa
   constexpr std::array kDynamic{VK_DYNAMIC_STATE_VIEWPORT, VK_DYNAMIC_STATE_SCISSOR, VK_DYNAMIC_STATE_CULL_MODE,
                                 VK_DYNAMIC_STATE_FRONT_FACE};
   VkPipelineDynamicStateCreateInfo dynamic{VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO};
-  dynamic.dynamicStateCount = is_surfaces ? 4 : 2;
+  dynamic.dynamicStateCount = wanted.is_surfaces ? 4 : 2;
   dynamic.pDynamicStates = kDynamic.data();
   VkPipelineRenderingCreateInfo rendering{VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO};
   rendering.colorAttachmentCount = static_cast<std::uint32_t>(state.color_formats.size());
@@ -302,10 +368,11 @@ Pipeline PipelineMaker::graphics(std::span<const std::uint32_t> vertex, std::spa
   info.pDepthStencilState = &depth;
   info.pColorBlendState = &blend;
   info.pDynamicState = &dynamic;
-  info.layout = made.layout_;
-  check(vk.CreateGraphicsPipelines(vk.device, VK_NULL_HANDLE, 1, &info, nullptr, &made.pipeline_),
+  info.layout = layout;
+  VkPipeline pipeline = VK_NULL_HANDLE;
+  check(vk.CreateGraphicsPipelines(vk.device, VK_NULL_HANDLE, 1, &info, nullptr, &pipeline),
         "vkCreateGraphicsPipelines");
-  return made;
+  return pipeline;
 }
 
 }  // namespace heddle::vulkan

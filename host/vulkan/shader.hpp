@@ -8,6 +8,7 @@
 
 #include "plugin/registry.hpp"
 #include "vulkan/device.hpp"
+#include "vulkan/pipeline_store.hpp"
 
 namespace heddle::vulkan {
 
@@ -170,27 +171,28 @@ struct ListGroups {
 
 // ---- pipelines ----
 
-/// Layouts and a pipeline; move-only. Sets 0 and 1 are made from the shader's bindings; 2 and 3 are given.
+/// A use of a pipeline that the device's store has; move-only. Before it ends the device is done with it.
 class Pipeline {
  public:
   Pipeline() = default;
   Pipeline(Pipeline&& other) noexcept;
   Pipeline& operator=(Pipeline&& other) noexcept;
   ~Pipeline();
-  [[nodiscard]] VkPipeline handle() const { return pipeline_; }
-  [[nodiscard]] VkPipelineLayout layout() const { return layout_; }
-  [[nodiscard]] VkDescriptorSetLayout set_layout(std::uint32_t set) const { return sets_.at(set); }
-  [[nodiscard]] VkPipelineBindPoint bind_point() const { return bind_point_; }
-  explicit operator bool() const { return pipeline_ != VK_NULL_HANDLE; }
+  [[nodiscard]] VkPipeline handle() const { return objects().pipeline; }
+  [[nodiscard]] VkPipelineLayout layout() const { return objects().layout; }
+  [[nodiscard]] VkDescriptorSetLayout set_layout(std::uint32_t set) const { return objects().sets.at(set); }
+  [[nodiscard]] VkPipelineBindPoint bind_point() const { return objects().bind_point; }
+  /// Somebody else had it made.
+  [[nodiscard]] bool was_there() const { return was_there_; }
+  explicit operator bool() const { return shared_ != nullptr; }
 
  private:
   friend class PipelineMaker;
-  Device* device_ = nullptr;
-  VkPipeline pipeline_ = VK_NULL_HANDLE;
-  VkPipelineLayout layout_ = VK_NULL_HANDLE;
-  std::array<VkDescriptorSetLayout, 4> sets_{};
-  std::uint32_t owned_sets_ = 0;  // bit i: set layout i is ours to destroy
-  VkPipelineBindPoint bind_point_ = VK_PIPELINE_BIND_POINT_COMPUTE;
+  static constexpr PipelineObjects kNone{};
+  [[nodiscard]] const PipelineObjects& objects() const { return shared_ != nullptr ? shared_->second.objects : kNone; }
+  PipelineStore* store_ = nullptr;
+  PipelineStore::Shared* shared_ = nullptr;
+  bool was_there_ = false;
 };
 
 struct RasterState {
@@ -203,23 +205,25 @@ struct RasterState {
   bool operator==(const RasterState&) const = default;
 };
 
-/// Makes pipelines of one device. Viewport, scissor, and for surfaces cull mode and front face, are dynamic.
+/// Makes pipelines of one device, where its store has none that is the same. Viewport, scissor, and for surfaces cull
+/// mode and front face, are dynamic.
 class PipelineMaker {
  public:
   /// `cache_folder`: for the host's own vertex shader; empty: compiled at first need.
   explicit PipelineMaker(Device& device, std::filesystem::path cache_folder = {});
   Pipeline compute(const CompiledShader& shader, const Constants& constants);
   Pipeline fullscreen(const CompiledShader& shader, const Constants& constants, const RasterState& state);
-  /// `fragment.spirv` may be empty (depth only, opaque). Set layouts 2 and 3 are borrowed.
+  /// `fragment.spirv` may be empty (depth only, opaque). Set layouts 2 and 3 are the store's.
   Pipeline surfaces(const SurfaceProgram& program, const CompiledShader& fragment, const Constants& constants,
                     const RasterState& state, VkDescriptorSetLayout materials, VkDescriptorSetLayout program_set);
   Pipeline surfaces_masked_depth(const SurfaceProgram& program, const RasterState& state,
                                  VkDescriptorSetLayout materials, VkDescriptorSetLayout program_set);
 
  private:
-  Pipeline graphics(std::span<const std::uint32_t> vertex, std::span<const std::uint32_t> fragment, Pipeline&& layouts,
-                    const Constants& constants, const RasterState& state, bool is_surfaces,
-                    const Constants& vertex_constants = {});
+  struct Wanted;
+  Pipeline shared(const Wanted& wanted);
+  [[nodiscard]] VkPipeline make_compute(const Wanted& wanted, VkPipelineLayout layout) const;
+  [[nodiscard]] VkPipeline make_graphics(const Wanted& wanted, VkPipelineLayout layout) const;
   Device* device_;
   std::filesystem::path cache_folder_;
   std::vector<std::uint32_t> fullscreen_vertex_;

@@ -441,7 +441,8 @@ def render_frames(arguments: argparse.Namespace, host: Host, graph: Graph, scene
                        "({minimum_ms:.1f} to {maximum_ms:.1f})".format(**stats["run"]))
     if arguments.watch:
         say(arguments, "planned in {wall_ms:.0f} ms: {passes_made} passes and {pipelines_made} pipelines made, "
-                       "{passes_kept} and {pipelines_kept} kept".format(**stats["plan"]))
+                       "{passes_kept} and {there} kept".format(
+                           **stats["plan"], there=stats["plan"]["pipelines_kept"] + stats["plan"]["pipelines_shared"]))
     writing.finish()
 
 

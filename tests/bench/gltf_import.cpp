@@ -229,7 +229,6 @@ void measure_gltf_import(Session& session) {
     mips.push_back(mips_ms);
     upload.push_back(update_ms - mips_ms);
   }
-  device.table().DestroyDescriptorSetLayout(device.table().device, layout, nullptr);
   Report& report = session.report;
   report.add_measured("gltf_import.ratio", "1", ratios(import, reference), 1.3);
   report.add_measured("gltf_import.import", "ms", import);

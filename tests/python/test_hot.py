@@ -103,6 +103,28 @@ def edit(file, old, new):
     os.utime(file, ns=(stamp + 10**9, stamp + 10**9))
 
 
+def test_what_a_host_has_had_is_not_made_again(host, scene):
+    with host.graph("deferred", SMALL) as graph:
+        graph.render(scene)
+        image, made = graph.read(), graph.stats()["plan"]["pipelines_made"]
+        graph.set("ao.technique=none")
+        graph.render(scene)
+        graph.set("ao.technique=gtao")
+        graph.render(scene)
+        plan = graph.stats()["plan"]
+        assert plan["pipelines_made"] == 0 and plan["pipelines_shared"] >= 1
+        assert np.array_equal(graph.read(), image)
+        with host.graph("deferred", SMALL) as other:  # beside it
+            other.render(scene)
+            plan = other.stats()["plan"]
+            assert (plan["pipelines_made"], plan["pipelines_shared"]) == (0, made)
+            assert np.array_equal(other.read(), image)
+    with host.graph("deferred", SMALL) as other:  # after both
+        other.render(scene)
+        assert other.stats()["plan"]["pipelines_made"] == 0
+        assert np.array_equal(other.read(), image)
+
+
 ENCODE = "color = vec4(srgb_from_linear(clipped), 1.0);"
 
 

@@ -480,7 +480,12 @@ TEST(VertexProgram, KeepsPipelinesWhereNothingOfThemChanges) {
   scene.look(dvec3(2, 3, 4), dvec3(0, 0, 0));
   Graph graph(variant("studio", "vertex_program"));
   const Image before = graph.image(scene);
-  const int made = stats(graph)["plan"]["pipelines_made"].get<int>();
+  // Other tests of this process may have had the same ones made.
+  const auto not_kept = [&] {
+    const nlohmann::json plan = stats(graph)["plan"];
+    return plan["pipelines_made"].get<int>() + plan["pipelines_shared"].get<int>();
+  };
+  const int made = not_kept();
   check(heddle_graph_set(graph.handle, "gbuffer.technique=raster"));
   EXPECT_EQ(graph.image(scene).pixels, before.pixels);
   check(heddle_graph_set(graph.handle, "ao.params.radius=0.25"));
@@ -489,7 +494,7 @@ TEST(VertexProgram, KeepsPipelinesWhereNothingOfThemChanges) {
   check(heddle_graph_set(graph.handle, "subdivision.technique=vertex_program"));
   graph.render(scene);
   // gbuffer's alone, and depth maps': all other pipelines went on.
-  EXPECT_LT(stats(graph)["plan"]["pipelines_made"].get<int>(), made / 2);
+  EXPECT_LT(not_kept(), made / 2);
 }
 
 TEST(Subdivision, HasItsParametersInItsReadme) {

@@ -311,7 +311,6 @@ TEST_F(AnimatedUpload, WhatBendsIsCulledByItsShapeOfNow) {
       scene.settle();
     }
   }
-  device_->table().DestroyDescriptorSetLayout(device_->table().device, layout, nullptr);
 }
 
 TEST_F(AnimatedUpload, BentShapesTakeTurnsAndFramesAtOneTimeUploadNothing) {
@@ -383,7 +382,6 @@ TEST_F(AnimatedUpload, BentShapesTakeTurnsAndFramesAtOneTimeUploadNothing) {
     }
     EXPECT_THAT(z, testing::IsSupersetOf({8.0F, 4.0F}));
   }
-  device_->table().DestroyDescriptorSetLayout(device_->table().device, layout, nullptr);
 }
 
 }  // namespace

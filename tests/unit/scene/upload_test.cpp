@@ -16,7 +16,6 @@ namespace {
 class SceneUpload : public vulkan::OnDevice {
  protected:
   SceneUpload() : layout_(make_materials_layout(*device_)) {}
-  ~SceneUpload() override { device_->table().DestroyDescriptorSetLayout(device_->table().device, layout_, nullptr); }
 
   template <typename Element>
   std::vector<Element> read(const vulkan::Buffer& buffer, std::size_t count) {

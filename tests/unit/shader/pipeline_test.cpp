@@ -171,6 +171,63 @@ TEST_F(ShaderPipeline, NeutralBodyAnswersWithoutProviders) {
   EXPECT_THAT(answers(made), ElementsAre(0.5F, 0.5F, 0.5F, 0.5F));
 }
 
+TEST_F(ShaderPipeline, IsMadeOnceForTheSameCodeConstantsAndState) {
+  Role role = light_role();
+  ShaderRequest wanted = calling_request();
+  wanted.roles = {{&role, role.join, {}}};
+  const CompiledShader shader = compile(wanted, {});
+  const auto made = [&] { return device_->counters().pipelines; };
+  VkPipeline first = VK_NULL_HANDLE;
+  {
+    const Pipeline one = maker_->compute(shader, {});
+    PipelineMaker other(*device_, {});
+    const Pipeline two = other.compute(shader, {});
+    first = one.handle();
+    EXPECT_EQ(two.handle(), first);
+    EXPECT_FALSE(one.was_there());
+    EXPECT_TRUE(two.was_there());
+    EXPECT_EQ(made(), 1U);
+    EXPECT_NE(maker_->compute(shader, {{0, 1U}}).handle(), first);
+    CompiledShader pushing = shader;
+    pushing.push_bytes = 16;  // another layout
+    EXPECT_NE(maker_->compute(pushing, {}).handle(), first);
+    EXPECT_EQ(made(), 3U);
+  }
+  // Nobody uses it, and it is still there.
+  EXPECT_EQ(maker_->compute(shader, {}).handle(), first);
+  EXPECT_EQ(made(), 3U);
+
+  const CompiledShader filling =
+      compile(request("#include \"pass.glsl\"\nvoid main() { color = vec4(1.0); }\n",
+                      {image("color", HEDDLE_ACCESS_COLOR, VK_FORMAT_R8G8B8A8_UNORM)}, ShaderKind::kFullscreen),
+              {});
+  RasterState state;
+  state.color_formats = {VK_FORMAT_R8G8B8A8_UNORM};
+  const Pipeline opaque = maker_->fullscreen(filling, {}, state);
+  state.blends = {HEDDLE_BLEND_ADD};
+  const Pipeline adding = maker_->fullscreen(filling, {}, state);
+  EXPECT_NE(adding.handle(), opaque.handle());
+  EXPECT_EQ(maker_->fullscreen(filling, {}, state).handle(), adding.handle());
+  EXPECT_EQ(made(), 5U);
+}
+
+TEST_F(ShaderPipeline, StaysForAWhileWhenNobodyUsesIt) {
+  Role role = light_role();
+  ShaderRequest wanted = calling_request();
+  wanted.roles = {{&role, role.join, {}}};
+  const CompiledShader shader = compile(wanted, {});
+  const Pipeline used = maker_->compute(shader, {});
+  for (std::uint32_t i = 0; i < 200; ++i) (void)maker_->compute(shader, {{0, i}});
+  // The used one, and the last of the others.
+  const std::uint64_t live = device_->counters().live_pipelines;
+  EXPECT_GT(live, 16U);
+  EXPECT_LT(live, 100U);
+  EXPECT_TRUE(maker_->compute(shader, {{0, 199U}}).was_there());
+  EXPECT_TRUE(maker_->compute(shader, {}).was_there());
+  EXPECT_FALSE(maker_->compute(shader, {{0, 0U}}).was_there());
+  EXPECT_EQ(device_->counters().live_pipelines, live);
+}
+
 TEST_F(ShaderPipeline, SumAndProductAnswerWithAllProviders) {
   Role role = light_role();
   ShaderRequest made = calling_request();
@@ -281,24 +338,18 @@ TEST_F(ShaderPipeline, BlendsWeighNewAndOldColoursAsTheirNamesSay) {
 class SurfacePipeline : public ShaderPipeline {
  protected:
   SurfacePipeline() : program_(mesh_program(folder_ / "cache", shared_)) {
-    const auto make_layout = [&](const std::vector<VkDescriptorSetLayoutBinding>& bindings) {
-      VkDescriptorSetLayoutCreateInfo info{VK_STRUCTURE_TYPE_DESCRIPTOR_SET_LAYOUT_CREATE_INFO};
-      info.bindingCount = static_cast<std::uint32_t>(bindings.size());
-      info.pBindings = bindings.data();
-      VkDescriptorSetLayout layout = VK_NULL_HANDLE;
-      check(vk().CreateDescriptorSetLayout(vk().device, &info, nullptr, &layout), "vkCreateDescriptorSetLayout");
-      return layout;
-    };
     const VkShaderStageFlags both = VK_SHADER_STAGE_VERTEX_BIT | VK_SHADER_STAGE_FRAGMENT_BIT;
     std::vector<VkDescriptorSetLayoutBinding> textures;
     for (std::uint32_t i = 0; i < HEDDLE_TEXTURE_COUNT; ++i) {
       textures.push_back({i, VK_DESCRIPTOR_TYPE_COMBINED_IMAGE_SAMPLER, 1, VK_SHADER_STAGE_FRAGMENT_BIT, nullptr});
     }
-    materials_layout_ = make_layout(textures);
-    program_layout_ = make_layout({{0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, both, nullptr},
-                                   {1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, both, nullptr},
-                                   {2, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, both, nullptr},
-                                   {3, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC, 1, both, nullptr}});
+    materials_layout_ = device_->pipelines().set_layout(textures);
+    const std::vector<VkDescriptorSetLayoutBinding> program{
+        {0, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, both, nullptr},
+        {1, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, both, nullptr},
+        {2, VK_DESCRIPTOR_TYPE_STORAGE_BUFFER, 1, both, nullptr},
+        {3, VK_DESCRIPTOR_TYPE_UNIFORM_BUFFER_DYNAMIC, 1, both, nullptr}};
+    program_layout_ = device_->pipelines().set_layout(program);
 
     // The second four of eight vertices and the second of two instances: offsets must reach the shader.
     std::vector<HeddleVertex> vertices(8);
@@ -382,11 +433,6 @@ class SurfacePipeline : public ShaderPipeline {
       vk().UpdateDescriptorSets(vk().device, 1, &write, 0, nullptr);
     }
   }
-  ~SurfacePipeline() override {
-    vk().DestroyDescriptorSetLayout(vk().device, materials_layout_, nullptr);
-    vk().DestroyDescriptorSetLayout(vk().device, program_layout_, nullptr);
-  }
-
   void draw(VkCommandBuffer commands, const Pipeline& pipeline) {
     vk().CmdBindPipeline(commands, pipeline.bind_point(), pipeline.handle());
     vk().CmdSetCullMode(commands, VK_CULL_MODE_NONE);
