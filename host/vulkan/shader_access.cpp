@@ -261,7 +261,8 @@ class Walk {
   /// Tells `say` of every operand through which an instruction touches memory.
   template <typename Say>
   void touch(const Instruction& instruction, const Say& say) {
-    const auto& [operation, operands] = instruction;
+    const auto operation = instruction.operation;
+    const auto& operands = instruction.operands;
     const int way = is_atomic(operation) ? kAtomic : kPlain;
     const auto tell = [&](std::size_t operand, int effect) {
       if (operand < operands.size()) say(operands[operand], static_cast<std::uint8_t>(effect | way));
