@@ -237,7 +237,8 @@ def without_a_clock(monkeypatch):
 
         turns = [(point.name, [ms(point)]) for point in run.alive()] + [(study_items.AGAIN, [ms(run.baseline)])]
         turns += turns[::-1]
-        run.rounds = [{"order": [name for name, _ in turns], "ms": [each for _, each in turns]}] * run.study.rounds
+        times = [each for _, each in turns]
+        run.rounds = [{"order": [name for name, _ in turns], "ms": times, "processor_ms": times}] * run.study.rounds
         run.machine = run.executor.place()["id"]
 
     monkeypatch.setattr(study_run.SceneRun, "measure_times", measure_times)
