@@ -17,11 +17,15 @@ namespace heddle::cli {
 
 namespace {
 
+// Thirty pictures a second are smooth, and a key is answered within one of them.
+constexpr double kFrameBudgetMs = 33;
+
 struct ViewArguments : RenderArguments {
   std::string swap, b;
   std::vector<std::string> settings_b;
   std::string script, window;
   double time_step = 1.0 / 60.0;
+  double frame_budget_ms = kFrameBudgetMs;
 };
 
 /// What the module calls back for: host and scenes, as the other commands make them.
@@ -166,6 +170,7 @@ int view(ViewArguments& arguments) {
   application.height = size[1];
   application.time = arguments.time;
   application.time_step = arguments.time_step;
+  application.frame_budget_ms = arguments.frame_budget_ms;
   application.seed = arguments.seed;
   application.script = arguments.script.empty() ? nullptr : arguments.script.c_str();
   application.user = &viewer;
@@ -199,6 +204,11 @@ void add_view(CLI::App& app, int* exit_status) {
       ->allow_extra_args(false);
   command->add_option("--time-step", arguments->time_step,
                       "seconds of scene time from frame to frame, while it plays (default: 1/60)");
+  command
+      ->add_option("--frame-budget", arguments->frame_budget_ms,
+                   "while nothing changes, milliseconds in which loops render on before the picture is shown again "
+                   "(default: 33; 0: after each frame)")
+      ->check(CLI::Range(0.0, 10000.0));
   command->add_option("--window", arguments->window,
                       "WIDTHxHEIGHT in pixels (default: the picture in its own size, beside the panel)");
   command->add_option("--script", arguments->script,

@@ -12,7 +12,7 @@
 
 HEDDLE_BEGIN_C
 
-#define HEDDLE_VIEW_MODULE_REVISION 1u
+#define HEDDLE_VIEW_MODULE_REVISION 2u
 
 typedef struct heddle_view heddle_view;
 
@@ -43,6 +43,9 @@ typedef struct heddle_view_application {
   uint32_t (*is_stopped)(void* user);
   /* Destroys scenes and host; graphs are gone. Called once, if `open` succeeded. [work-thread] */
   void (*close)(void* user);
+  /* While nothing changes but what loops still add, frames are rendered for as long before the picture is shown again;
+   * milliseconds, 0: it is shown after each frame */
+  double frame_budget_ms;
 } heddle_view_application;
 
 /* Shows the window until it is closed. On failure `error` has the NUL-terminated message; HEDDLE_CANCELLED after

@@ -267,7 +267,10 @@ void Window::tell_state() {
   json["variants"] = Json::array();
   for (const VariantReport& variant : report_.variants) {
     if (!variant.is_there) continue;
-    Json one{{"error", variant.error}, {"refused", variant.refused}, {"parameters", Json::object()}};
+    Json one{{"error", variant.error},
+             {"refused", variant.refused},
+             {"pictures", variant.picture ? variant.picture->serial : 0},
+             {"parameters", Json::object()}};
     for (const Json& pass : variant.description.at("passes")) {
       one["parameters"][pass.at("name").get<std::string>() + ".technique"] = pass.at("technique");
       const Json parameters = pass.value("parameters", Json::object());

@@ -28,6 +28,10 @@ constexpr std::size_t kMostMessages = 200;
 constexpr std::uint32_t kWarning = 1;  // severity, as heddle_host_options.log has it
 constexpr std::uint32_t kRgba8 = 37;   // VK_FORMAT_R8G8B8A8_UNORM
 
+bool is_looping(const VariantReport& report) {
+  return std::ranges::any_of(report.loops, [](const Loop& loop) { return loop.done < loop.total; });
+}
+
 void add_paths(std::set<fs::path>& files, const char* json) {
   for (const Json& file : parse_json(json)) files.emplace(file.get<std::string>());
 }
@@ -272,6 +276,7 @@ void Session::put_camera(Variant variant) {
 
 void Session::changed() {
   frames_left_ = kSettlingFrames;
+  turn_ = {};
   for (Side& side : sides_) side.is_failed = false;
 }
 
@@ -344,6 +349,16 @@ void Session::render(Variant variant, std::uint32_t flags, double time_step) {
   ++draft_.frames;
 }
 
+std::uint32_t Session::render_more(Variant variant, std::uint32_t most) {
+  std::uint32_t frames = 0;
+  const auto is_awaited = [&] {
+    const std::lock_guard lock(mutex_);
+    return !orders_.empty() || is_closing_.load();
+  };
+  for (; frames < most && is_looping(draft_.variants.at(variant)) && !is_awaited(); ++frames) render(variant, 0, 0.0);
+  return frames;
+}
+
 /// The graph's output. 8 bits of four channels are what the window shows; nothing of them is converted.
 std::shared_ptr<Picture> Session::read_picture(Side& side) {
   std::shared_ptr<Picture> made = picture_memory_.take();
@@ -397,6 +412,8 @@ void Session::frame() {
   }
   const bool is_first = frames_left_ == kSettlingFrames;
   --frames_left_;
+  const std::uint32_t frames = frames_before_picture(turn_, application_.frame_budget_ms);
+  turn_ = {};
   bool goes_on = false;
   for (Variant v = 0; v < kVariants; ++v) {
     Side& side = sides_[v];
@@ -404,16 +421,20 @@ void Session::frame() {
     const std::uint64_t before = draft_.variants[v].picture ? draft_.variants[v].picture->serial : 0;
     side.is_failed = !guarded(v, &VariantReport::error, [&] {
       // What moved has arrived when nothing plays: such frames go on where loops can.
+      const auto began = Clock::now();
       render(v, 0, moves ? time_step_ : 0.0);
+      turn_.frames = std::max(turn_.frames, 1 + render_more(v, frames - 1));
+      turn_.render_ms += std::chrono::duration<double, std::milli>(Clock::now() - began).count();
       // A frame that had nothing to do left the picture as it is.
-      if (side.is_unread || !draft_.variants[v].picture) read(v);
+      if (!side.is_unread && draft_.variants[v].picture) return;
+      read(v);
+      turn_.show_ms += draft_.variants[v].read_ms;
     });
     if (side.is_failed) continue;
     const VariantReport& report = draft_.variants[v];
-    const bool is_looping = std::ranges::any_of(report.loops, [](const Loop& loop) { return loop.done < loop.total; });
-    if (is_looping) frames_left_ = std::max(frames_left_, 1);
+    if (is_looping(report)) frames_left_ = std::max(frames_left_, 1);
     // A frame without a past is the same again; one with a past, once its bytes are.
-    goes_on = goes_on || is_looping || (side.has_past && (is_first || report.picture->serial != before));
+    goes_on = goes_on || is_looping(report) || (side.has_past && (is_first || report.picture->serial != before));
   }
   is_cut_ = false;
   if (!goes_on) frames_left_ = 0;

@@ -5,6 +5,7 @@
 
 #include "file_stamps.hpp"
 #include "view/module.h"
+#include "view/pace.hpp"
 #include "view/picture.hpp"
 #include "view/state.hpp"
 
@@ -94,6 +95,8 @@ class Session {
   void changed();
   void frame();
   void render(Variant variant, std::uint32_t flags, double time_step);
+  /// Frames of loops that go on, until so many are rendered, or an order waits. Answers how many they are.
+  std::uint32_t render_more(Variant variant, std::uint32_t most);
   void read(Variant variant);
   [[nodiscard]] std::shared_ptr<Picture> read_picture(Side& side);
   /// Of a frame at the present time.
@@ -119,6 +122,7 @@ class Session {
   bool is_playing_ = false, is_cut_ = false;
   int steps_left_ = 0;
   int frames_left_ = 0;  // until it is taken for still, whatever the pictures do
+  Turn turn_;            // the last one, if nothing has changed since
   std::optional<heddle_camera> flown_;
   std::uint32_t used_camera_ = HEDDLE_NONE;  // of the scene; HEDDLE_NONE: the first one's
   std::uint64_t scene_revision_ = 0, picture_serial_ = 0;

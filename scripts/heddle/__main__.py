@@ -26,6 +26,7 @@ from . import Error, Graph, Host, Job, Scene, version
 from . import compare as heddle_compare
 from ._library import CANCELLED
 from .outputs import Writing, frame_file, keep_outputs, parse_outputs
+from .view import FRAME_BUDGET
 
 Update = Callable[[Scene, float], None]
 
@@ -313,7 +314,7 @@ def view(arguments: argparse.Namespace) -> int:
     show(lambda tell, progress: open_host(arguments, tell=tell, progress=progress),
          lambda host: make_scene(arguments, host, scene_file), scene_files, lambda: _is_asked,
          [graph_file, (arguments.b or graph_file) if has_b else None], settings, size, arguments.time,
-         arguments.time_step, arguments.seed, arguments.script)
+         arguments.time_step, arguments.seed, arguments.script, arguments.frame_budget)
     return 0
 
 
@@ -785,6 +786,9 @@ def main() -> int:
             command.add_argument("--set-b", action="append", default=[],
                                  help="show the graph against itself with this setting, as of --set")
             command.add_argument("--time-step", type=number, default=1 / 60, help="seconds from frame to frame, while it plays")
+            command.add_argument("--frame-budget", type=number, default=FRAME_BUDGET,
+                                 help="while nothing changes, milliseconds in which loops render on before the picture is shown "
+                                      "again (default: 33; 0: after each frame)")
             command.add_argument("--window", help="WIDTHxHEIGHT in pixels (default: the picture in its own size, beside the panel)")
             command.add_argument("--script", help="file with what mouse and keys do, a command a line: wait, pause, click, "
                                                   "slide, type, key, drag, screenshot, state, quit")

@@ -15,7 +15,8 @@ from typing import Any
 from . import _library as c
 from .host import Error, Host, Scene
 
-_REVISION = 1
+_REVISION = 2
+FRAME_BUDGET = 33.0  # milliseconds: thirty pictures a second, as the command's
 
 _Open = ctypes.CFUNCTYPE(c_int32, c_void_p, c_void_p, POINTER(c_void_p))
 _LoadScene = ctypes.CFUNCTYPE(c_int32, c_void_p, c_uint32, POINTER(c_void_p))
@@ -32,7 +33,7 @@ class _Application(ctypes.Structure):
         ("setting_counts", c_uint32 * 2), ("width", c_uint32), ("height", c_uint32), ("time", c_double),
         ("time_step", c_double), ("seed", c_uint64), ("script", c_char_p), ("user", c_void_p), ("open", _Open),
         ("load_scene", _LoadScene), ("pose", _Pose), ("scene_files", _SceneFiles), ("error", _ErrorText),
-        ("is_stopped", _IsStopped), ("close", _Close),
+        ("is_stopped", _IsStopped), ("close", _Close), ("frame_budget_ms", c_double),
     ]
 
 
@@ -61,7 +62,8 @@ def show(open_host: Callable[[Callable[[int, str], None], Callable[[str, float],
          make_scene: Callable[[Host], tuple[Scene, Callable[[Scene, float], None]]],
          scene_files: Callable[[Scene], Sequence[str]], is_stopped: Callable[[], bool],
          graphs: Sequence[str | None], settings: Sequence[Sequence[str]], window: tuple[int, int] = (0, 0),
-         time: float = 0.0, time_step: float = 1 / 60, seed: int = 0, script: str | None = None) -> None:
+         time: float = 0.0, time_step: float = 1 / 60, seed: int = 0, script: str | None = None,
+         frame_budget: float = FRAME_BUDGET) -> None:
     """Opens the window and returns when it is closed.
 
     open_host:   called once with (log, progress), which the host is to be made with
@@ -71,6 +73,8 @@ def show(open_host: Callable[[Callable[[int, str], None], Callable[[str, float],
     graphs:      files or shipped names of A and B; B None: one picture
     settings:    of A and B, "ao.technique=gtao"
     window:      width and height in pixels; 0: as the picture needs
+    frame_budget: milliseconds in which loops render on, while nothing changes, before the picture is shown again; 0: it
+                 is shown after each frame
     raises:      Error; status 6 after is_stopped
 
     All of them but is_stopped are called on a thread of the window's own, the only one that uses the host.
@@ -143,7 +147,7 @@ def show(open_host: Callable[[Callable[[int, str], None], Callable[[str, float],
         (c_uint32 * 2)(*[len(of) for of in settings]), *window, time, time_step, seed, script and script.encode(), None,
         _Open(open), _LoadScene(load_scene), _Pose(pose), _SceneFiles(files),
         _ErrorText(lambda _user: ctypes.addressof(texts["error"])), _IsStopped(lambda _user: int(is_stopped())),
-        _Close(close))
+        _Close(close), frame_budget)
     message = ctypes.create_string_buffer(16384)
     status = module.heddle_view_run(ctypes.byref(application), message, len(message))
     if status:

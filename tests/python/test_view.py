@@ -126,12 +126,13 @@ def script(folder: pathlib.Path, text: str) -> pathlib.Path:
     return file
 
 
-def rendered(command: str, root: pathlib.Path, folder: pathlib.Path, name: str, *settings: str) -> np.ndarray:
+def rendered(command: str, root: pathlib.Path, folder: pathlib.Path, name: str, *settings: str,
+             graph: str = "deferred") -> np.ndarray:
     """uint8 (height, width, 3) of the file that `heddle run` writes."""
     import heddle
 
     file = folder / f"{name}.png"
-    subprocess.run([command, "run", "--quiet", SCENE, *SETTINGS, *settings, "--output", str(file)], cwd=root, check=True)
+    subprocess.run([command, "run", "--quiet", graph, SCENE, *SETTINGS, *settings, "--output", str(file)], cwd=root, check=True)
     with heddle.Host() as host:
         return np.rint(host.read_image(str(file))[:, :, :3] * 255).astype(np.uint8)
 
@@ -242,11 +243,26 @@ def test_the_validation_layer_finds_nothing(command, root, screen, tmp_path):
     assert [variant["error"] + variant["refused"] for variant in state["variants"]] == ["", ""]
 
 
-def test_progressive_loops_go_on_while_nothing_moves(command, root, screen, tmp_path):
-    words = ["supersampled", SCENE, *SETTINGS, *WINDOW, "--set", "aa.params.mode=progressive", "--set", "aa.params.samples=5"]
-    with viewer(command, root, screen, words, script(tmp_path, "wait\nstate\nquit\n")) as view:
-        assert view.state(0)["frames"] >= 5
+@pytest.mark.parametrize("budget, least, most", [("0", 10, 15), ("10000", 2, 6)])
+def test_progressive_loops_go_on_within_the_budget_while_nothing_moves(command, root, screen, tmp_path, budget, least, most):
+    shot = tmp_path / "shot.png"
+    samples = ["--set", "aa.params.samples=15"]
+    words = ["supersampled", SCENE, *SETTINGS, *WINDOW, *samples, "--set", "aa.params.mode=progressive", "--frame-budget", budget]
+    commands = script(tmp_path, f"wait\nstate\npause 1\nstate\nscreenshot {shot}\nquit\n")
+    with viewer(command, root, screen, words, commands) as view:
+        rest, later = view.state(0), view.state(1)
         assert view.wait() == (0, "")
+    assert rest["settled"] and rest["frames"] >= 15
+    assert (later["frames"], later["submits"]) == (rest["frames"], rest["submits"])
+    # Frames between two pictures double as long as they fit, from one on: 1 + 2 + 4 + 8. Equal pictures count once.
+    assert least <= rest["variants"][0]["pictures"] <= most
+    import heddle
+
+    with heddle.Host() as host:
+        window = np.rint(host.read_image(str(shot))[:, :, :3] * 255).astype(np.uint8)
+    # All samples in one frame have the same bytes.
+    expected = rendered(command, root, tmp_path, "expected", *samples, graph="supersampled")
+    assert np.array_equal(picture_of(window, later), expected)
 
 
 def test_fewer_samples_than_are_taken_are_answered(command, root, screen, tmp_path):
