@@ -344,6 +344,12 @@ constexpr heddle_stage cached_by(const char* parameters, heddle_stage s) {
   return s;
 }
 
+/// A stage that is there only while a choice is this one: "accumulation=blend".
+constexpr heddle_stage only_if(const char* choice, heddle_stage s) {
+  s.only_if = choice;
+  return s;
+}
+
 /// A stage of a loop: HEDDLE_LOOP_BEFORE or HEDDLE_LOOP_AFTER.
 constexpr heddle_stage in_loop(std::uint32_t part, heddle_stage s) {
   s.loop_part = part;
@@ -666,6 +672,11 @@ class Frame {
   template <typename Push>
   heddle_status fullscreen(const char* shader_name, std::uint32_t layer, const Push& push) const {
     return host_->fullscreen(host_, frame_, shader_name, layer, &push, push_size<Push>());
+  }
+  /// What attachments of HEDDLE_BLEND_CONSTANT weigh the drawings that follow with, 0 to 1 in every channel.
+  heddle_status set_blend_constant(float weight) const {
+    const std::array<float, 4> constant{weight, weight, weight, weight};
+    return host_->set_blend_constant(host_, frame_, constant.data());
   }
   /// A drawing to be changed field by field, then given to draw().
   [[nodiscard]] static heddle_draw drawing(const char* shader_name, const char* surfaces_port = "surfaces") {

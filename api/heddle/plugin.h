@@ -151,6 +151,7 @@ typedef struct heddle_parameter {
 #define HEDDLE_BLEND_MULTIPLY 3u /* new * old */
 #define HEDDLE_BLEND_TINT 4u     /* new + NAME_tint old, a second output of the shader; a stage's only colour attachment.
                                     Needs the Vulkan feature dualSrcBlend */
+#define HEDDLE_BLEND_CONSTANT 5u /* c new + (1 - c) old, c for each channel from set_blend_constant */
 
 typedef struct heddle_access {
   uint32_t struct_size;
@@ -197,6 +198,10 @@ typedef struct heddle_stage {
    * its outputs: HOST_WRITE of out ports, whose bytes are 0 before, and out values. No surfaces, no latency, no loop_part.
    * With HEDDLE_HOST_CHECK it is always called. NULL: not cached */
   const char* cached_by;
+  /* "PARAMETER=CHOICE": the stage is there only while that parameter, of HEDDLE_TYPE_CHOICE with
+   * HEDDLE_PARAMETER_REDECLARE, is that. Else it is not scheduled: nothing of it is compiled, recorded or waited for. Stages
+   * keep their numbers. NULL: always */
+  const char* only_if;
 } heddle_stage;
 #define HEDDLE_MOST_LATENCY 16u
 #define HEDDLE_LOOP_OUTSIDE 0u /* once a frame: before the iterations if it stands before their stages, else after */
@@ -543,6 +548,12 @@ struct heddle_pass_host {
    * what the scene does not have. [record-thread] */
   heddle_status (*set_batches)(const heddle_pass_host* self, heddle_frame* frame, const char* port,
                                const heddle_batch* batches, uint32_t count, uint64_t revision);
+
+  /* ---- blending ---- */
+  /* In record: what the drawings of this stage that follow weigh with in attachments of HEDDLE_BLEND_CONSTANT: r, g, b, a,
+   * each 0 to 1. Copied. 1 each until the first call of a record. HEDDLE_BUG where no attachment of the stage blends so, or
+   * for a number out of range. [record-thread] */
+  heddle_status (*set_blend_constant)(const heddle_pass_host* self, heddle_frame* frame, const float constant[4]);
 };
 
 /* ---- Technique ---------------------------------------------------------------------------------------------------- */

@@ -32,7 +32,7 @@
 #define HEDDLE_END_RECORD(name) } name;
 #endif
 
-// --- HeddleView: how positions become pixels. 352 bytes. -------------------------------------------------------------
+// --- HeddleView: how positions become pixels. 368 bytes. -------------------------------------------------------------
 // Perspective: position_view = (ndc.x * half_size.x * d, -ndc.y * half_size.y * d, -d), d = distance along the axis,
 // ndc taken without jitter; half_size = tangents of the half angles. Orthographic: half_size in metres, no factor d.
 HEDDLE_BEGIN_RECORD(HeddleView)
@@ -46,6 +46,9 @@ HEDDLE_FLOAT(near_distance)         // metres; perspective: clip.z = near_distan
 HEDDLE_UINT(is_orthographic)        // 1: clip.w = 1 and depth is 1 at near_distance, 0 at far_distance
 HEDDLE_UINT2(extent)                // pixels
 HEDDLE_FLOAT2(jitter)               // pixels, added to the raster position
+HEDDLE_FLOAT(lod_bias)              // levels, added where the scene's textures are sampled; a view of n samples a pixel may
+HEDDLE_UINT(reserved0_)             // go down to -log2(n) / 2
+HEDDLE_UINT2(reserved1_)
 HEDDLE_END_RECORD(HeddleView)
 
 // --- HeddleLight: one light. 96 bytes. -------------------------------------------------------------------------------

@@ -34,7 +34,8 @@
   X(CmdBeginRendering) X(CmdEndRendering) X(CmdPipelineBarrier2) \
   X(CmdCopyBuffer) X(CmdCopyImage) X(CmdCopyBufferToImage) X(CmdCopyImageToBuffer) X(CmdBlitImage) \
   X(CmdFillBuffer) X(CmdUpdateBuffer) X(CmdClearColorImage) X(CmdClearDepthStencilImage) \
-  X(CmdWriteTimestamp2) X(CmdResetQueryPool) X(CmdBeginQuery) X(CmdEndQuery) X(CmdCopyQueryPoolResults)
+  X(CmdWriteTimestamp2) X(CmdResetQueryPool) X(CmdBeginQuery) X(CmdEndQuery) X(CmdCopyQueryPoolResults) \
+  X(CmdSetBlendConstants)
 
 typedef struct heddle_vulkan {
   uint32_t struct_size;

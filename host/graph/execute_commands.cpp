@@ -285,6 +285,25 @@ heddle_status fullscreen(const heddle_pass_host* self, heddle_frame* frame, cons
   });
 }
 
+bool blends_by_constant(const Stage& stage) {
+  return std::ranges::find(stage.accesses, HEDDLE_BLEND_CONSTANT, &Access::blend) != stage.accesses.end();
+}
+
+heddle_status set_blend_constant(const heddle_pass_host* self, heddle_frame* frame, const float constant[4]) {
+  const PassState& pass = state_of(self);
+  const Stage& stage = executor_of(pass).technique_of(pass).stages[frame->stage->stage];
+  if (!blends_by_constant(stage))
+    return wrong(pass, fmt::format("sets a blend constant in stage '{}', which has no attachment of "
+                                   "HEDDLE_BLEND_CONSTANT",
+                                   stage.name));
+  for (std::size_t i = 0; i < frame->blend_constant.size(); ++i) {
+    if (!(constant[i] >= 0 && constant[i] <= 1))
+      return wrong(pass, fmt::format("sets the blend constant {}: expected 0 to 1", constant[i]));
+    frame->blend_constant[i] = constant[i];
+  }
+  return HEDDLE_OK;
+}
+
 /// The batch as the host keeps it. Throws if it does not lie in the port's buffers or the scene.
 scene::MadeBatch check_batch(const Executor::State& executor, ResourceIndex surfaces, const heddle_batch& given,
                              std::uint32_t number) {
@@ -574,6 +593,7 @@ void fill_pass_host(PassState& pass, const heddle_vulkan& table) {
   api.add_row = add_row;
   api.keep_state = keep_state;
   api.set_batches = set_batches;
+  api.set_blend_constant = set_blend_constant;
 }
 
 heddle_shape shape_of(const Resource& resource) {
@@ -669,6 +689,7 @@ void Executor::State::begin_rendering(const PassState& state, heddle_frame& fram
     vk.CmdPipelineBarrier2(frame.commands, &dependency);
   }
   vk.CmdBeginRendering(frame.commands, &info_rendering);
+  if (blends_by_constant(stage)) vk.CmdSetBlendConstants(frame.commands, frame.blend_constant.data());
 }
 
 vulkan::Buffer Executor::State::switch_table(const Pass& caller, const std::string& role) {

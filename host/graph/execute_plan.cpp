@@ -692,6 +692,15 @@ ShaderState Executor::State::compile_shader(const PassState& state, const Shader
   return made;
 }
 
+/// Those of the stages that are there.
+std::vector<const Shader*> Executor::State::scheduled_shaders(const PassState& state) const {
+  const Technique& technique = technique_of(state);
+  std::vector<const Shader*> shaders;
+  for (const Shader& shader : technique.shaders)
+    if (is_scheduled(pass_of(state), *technique.find_stage(shader.stage))) shaders.push_back(&shader);
+  return shaders;
+}
+
 /// Objects have their former shaders until nothing can fail any more.
 void Executor::State::compile_passes(bool is_restoring) {
   make_groups_pipeline();
@@ -699,8 +708,9 @@ void Executor::State::compile_passes(bool is_restoring) {
   std::size_t shader_count = 0;
   for (const auto& state : passes) {
     if (!state) continue;
-    shader_count += technique_of(*state).shaders.size();
-    for (const Shader& shader : technique_of(*state).shaders) draws_surfaces |= shader.kind == ShaderKind::kSurfaces;
+    const std::vector<const Shader*> shaders = scheduled_shaders(*state);
+    shader_count += shaders.size();
+    for (const Shader* shader : shaders) draws_surfaces |= shader->kind == ShaderKind::kSurfaces;
   }
   if (draws_surfaces && program.vertex.empty()) {
     const auto folders = services.registry.shared_folders();
@@ -714,7 +724,8 @@ void Executor::State::compile_passes(bool is_restoring) {
   for (const auto& state : passes) {
     if (!state) continue;
     write_parameters(*state);
-    for (const Shader& shader : technique_of(*state).shaders) {
+    for (const Shader* scheduled : scheduled_shaders(*state)) {
+      const Shader& shader = *scheduled;
       if (!is_restoring) {
         stop_if_cancelled();  // the first frame's time is here
         if (services.progress) {

@@ -254,9 +254,13 @@ std::uint64_t loop_limit(const heddle_pass_host* self) {
   return executor_of(state_of(self)).device->info().is_lavapipe ? kLavapipe : 0;
 }
 
+std::uint32_t format_features(const heddle_pass_host* self, std::uint32_t format) {
+  return executor_of(state_of(self)).device->format_features(static_cast<VkFormat>(format));
+}
+
 constexpr heddle_functions_service kFunctionsService{sizeof(heddle_functions_service), 0, provider_count,
                                                      provider_parameter};
-constexpr heddle_device_service kDeviceService{sizeof(heddle_device_service), 0, loop_limit};
+constexpr heddle_device_service kDeviceService{sizeof(heddle_device_service), 0, loop_limit, format_features};
 constexpr heddle_parallel_service kParallelService{sizeof(heddle_parallel_service), 0, most_threads, for_each};
 
 constexpr heddle_meshes_service kMeshesService{sizeof(heddle_meshes_service), 0, scene_content, scene_mesh,

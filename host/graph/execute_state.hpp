@@ -146,6 +146,7 @@ struct heddle_frame {
   VkCommandBuffer commands = VK_NULL_HANDLE;  // VK_NULL_HANDLE in execute
   // Layers of attachments that were already drawn into by this stage: cleared or loaded once.
   std::set<std::uint32_t> drawn_layers;
+  std::array<float, 4> blend_constant{1, 1, 1, 1};
   // execute: host memory of mapped ports.
   struct Mapping {
     std::string port;
@@ -362,6 +363,7 @@ struct Executor::State : FrameMemory {
   void initialize_kept();
   ShaderState compile_shader(const PassState& pass, const Shader& shader, bool is_restoring);
   void compile_passes(bool is_restoring);
+  [[nodiscard]] std::vector<const Shader*> scheduled_shaders(const PassState& state) const;
   void make_pipelines(ShaderState& shader);
   void count_pipeline(const vulkan::Pipeline& pipeline);
   // Surface programs of techniques (execute_programs.cpp).

@@ -184,6 +184,7 @@ class Scheduler {
       if (pass.is_pruned) continue;
       const Technique& technique = *pass.entry.technique;
       for (std::uint32_t s = 0; s < technique.stages.size(); ++s) {
+        if (!is_scheduled(pass, technique.stages[s])) continue;
         Node node;
         node.scheduled.pass = p;
         node.scheduled.stage = s;
@@ -241,7 +242,7 @@ class Scheduler {
     const Node& node = nodes_[n];
     const PassIndex pass = node.scheduled.pass;
     const bool is_read_back = node.scheduled.is_read_back;
-    if (node.scheduled.stage > 0 && !is_read_back) add_edge(n - 1, n, {});
+    if (n != nodes_of_[pass].front() && !is_read_back) add_edge(n - 1, n, {});
 
     const auto read = [&](ResourceIndex resource) {
       if (graph_.resources[resource].producer == pass && !is_read_back) return;

@@ -31,9 +31,11 @@ std::uint32_t dominant(std::uint32_t mask, bool writes) {
 }
 
 /// Values are written by the technique's cpu stages that touch the port, or else by the first gpu stage that does.
-bool writes_value(const Technique& technique, std::uint32_t stage, std::string_view port) {
+bool writes_value(const Pass& pass, std::uint32_t stage, std::string_view port) {
+  const Technique& technique = *pass.entry.technique;
   const auto touches = [&](const Stage& s) {
-    return std::ranges::any_of(s.accesses, [&](const Access& access) { return access.port == port; });
+    return is_scheduled(pass, s) &&
+           std::ranges::any_of(s.accesses, [&](const Access& access) { return access.port == port; });
   };
   const bool has_cpu =
       std::ranges::any_of(technique.stages, [&](const Stage& s) { return s.kind == StageKind::kCpu && touches(s); });
@@ -184,8 +186,7 @@ std::vector<Use> own_uses(const ResolvedGraph& graph, PassIndex index, std::uint
       merge_use(uses, make_use(resource, access.access, true, false));
       continue;
     }
-    const bool writes =
-        is_surfaces ? access.access == HEDDLE_ACCESS_BATCHES : writes_value(technique, stage, access.port);
+    const bool writes = is_surfaces ? access.access == HEDDLE_ACCESS_BATCHES : writes_value(pass, stage, access.port);
     merge_use(uses,
               make_use(resource, access.access, !writes || technique.stages[stage].kind == StageKind::kGpu, writes));
     const auto source = pass.inout_sources.find(access.port);
@@ -222,6 +223,15 @@ std::vector<Use> function_uses(const ResolvedGraph& graph, PassIndex caller, std
     }
   }
   return uses;
+}
+
+bool is_scheduled(const Pass& pass, const Stage& stage) {
+  if (!stage.only_if) return true;
+  const Technique& technique = *pass.entry.technique;
+  const auto index =
+      static_cast<std::size_t>(technique.find_parameter(stage.only_if->parameter) - technique.parameters.data());
+  const auto chosen = static_cast<std::size_t>(pass.parameters[index].number[0]);
+  return technique.parameters[index].choices.at(chosen) == stage.only_if->choice;
 }
 
 std::vector<std::string> stage_calls(const Pass& pass, std::uint32_t stage) {

@@ -19,6 +19,9 @@ std::vector<ScheduledStage::Use> late_uses(const ResolvedGraph& graph, PassIndex
 std::vector<ScheduledStage::Use> function_uses(const ResolvedGraph& graph, PassIndex caller,
                                                std::span<const std::string> calls);
 
+/// False for a stage that a parameter of the pass rules out.
+bool is_scheduled(const Pass& pass, const Stage& stage);
+
 /// Roles called by the shaders of a stage; cpu stages: all that the pass calls (they may ask for services).
 std::vector<std::string> stage_calls(const Pass& pass, std::uint32_t stage);
 /// Roles called by any shader or function text of the technique, in order of first appearance.

@@ -223,6 +223,7 @@ class Answer {
     json_["stages"] = Json::array();
     const std::vector<StageDependency> dependencies = stage_dependencies(graph_);
     for (std::uint32_t s = 0; s < pass().entry.technique->stages.size(); ++s) {
+      if (!is_scheduled(pass(), pass().entry.technique->stages[s])) continue;
       // By place, and for each the reasons, once.
       std::map<std::uint32_t, std::vector<std::string>> before, after;
       const auto add = [](std::vector<std::string>& reasons, const std::string& why) {

@@ -235,6 +235,7 @@ class DescriptorReader {
     stage.latency = source.latency;
     stage.loop_part = source.loop_part;
     if (source.cached_by != nullptr) stage.cached_by = split_words(optional_text(source.cached_by, "cached_by"));
+    if (source.only_if != nullptr) stage.only_if = condition_of(optional_text(source.only_if, "only_if"));
     return stage;
   }
 

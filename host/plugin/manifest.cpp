@@ -16,7 +16,7 @@ namespace heddle {
 namespace {
 
 // Of the JSON; raised when a key is added, renamed or dropped.
-constexpr std::uint32_t kFormat = 3;
+constexpr std::uint32_t kFormat = 4;
 
 // Words of the enumerations, in the order of their values in plugin.h.
 constexpr std::array<std::string_view, 6> kPortTypes{"image", "buffer", "value", "surfaces", "artifact", "report"};
@@ -34,7 +34,7 @@ constexpr std::array<std::string_view, 17> kAccesses{
     "append",    "batches"};
 constexpr std::array<std::string_view, 3> kLoopParts{"outside", "before", "after"};
 constexpr std::array<std::string_view, 4> kLoads{"keep", "clear", "dont_care", "clear_new"};
-constexpr std::array<std::string_view, 5> kBlends{"none", "over", "add", "multiply", "tint"};
+constexpr std::array<std::string_view, 6> kBlends{"none", "over", "add", "multiply", "tint", "constant"};
 constexpr std::array<std::string_view, 3> kShaderKinds{"compute", "fullscreen", "surfaces"};
 
 template <typename Value, std::size_t kCount>
@@ -113,7 +113,8 @@ Json stage_to_json(const Stage& stage) {
           {"accesses", accesses_to_json(stage.accesses)},
           {"latency", stage.latency},
           {"loop_part", word_to_json(stage.loop_part, kLoopParts)},
-          {"cached_by", stage.cached_by ? Json(*stage.cached_by) : Json()}};
+          {"cached_by", stage.cached_by ? Json(*stage.cached_by) : Json()},
+          {"only_if", stage.only_if ? Json(stage.only_if->parameter + "=" + stage.only_if->choice) : Json()}};
 }
 
 Json shader_to_json(const Shader& shader) {
@@ -317,7 +318,7 @@ std::vector<Access> read_accesses(const Node& node) {
 }
 
 Stage read_stage(const Node& node) {
-  node.only({"name", "kind", "accesses", "latency", "loop_part", "cached_by"});
+  node.only({"name", "kind", "accesses", "latency", "loop_part", "cached_by", "only_if"});
   Stage stage;
   node.at("name").read(stage.name);
   node.at("kind").read_word(stage.kind, kStageKinds);
@@ -325,6 +326,11 @@ Stage read_stage(const Node& node) {
   node.at("latency").read(stage.latency);
   node.at("loop_part").read_word(stage.loop_part, kLoopParts);
   if (const Node cached_by = node.at("cached_by"); !cached_by.is_null()) cached_by.read(stage.cached_by.emplace());
+  if (const Node only_if = node.at("only_if"); !only_if.is_null()) {
+    std::string text;
+    only_if.read(text);
+    stage.only_if = condition_of(text);
+  }
   return stage;
 }
 

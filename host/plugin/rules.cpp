@@ -316,7 +316,7 @@ class Rules {
       }
       bool is_known = check_choice(place, "access", access.access, HEDDLE_ACCESS_BATCHES);
       is_known = check_choice(place, "load", access.load, HEDDLE_LOAD_CLEAR_NEW) && is_known;
-      is_known = check_choice(place, "blend", access.blend, HEDDLE_BLEND_TINT) && is_known;
+      is_known = check_choice(place, "blend", access.blend, HEDDLE_BLEND_CONSTANT) && is_known;
       if (!is_known) continue;
       if (port->is_list() ? !fits_list(access.access) : !fits_port(access.access, port->type)) {
         complain(place + ": the access does not fit the port's type", fmt::format("HEDDLE_ACCESS {}", access.access));
@@ -362,6 +362,18 @@ class Rules {
     }
     check_latency(stage, what);
     if (stage.cached_by) check_cached(stage, what);
+    if (stage.only_if) check_condition(*stage.only_if, what);
+  }
+
+  void check_condition(const Condition& condition, const std::string& what) {
+    const Parameter* parameter = technique_.find_parameter(condition.parameter);
+    const bool is_right = parameter != nullptr && parameter->type == ParameterType::kChoice &&
+                          (parameter->flags & HEDDLE_PARAMETER_REDECLARE) != 0 &&
+                          std::ranges::find(parameter->choices, condition.choice) != parameter->choices.end();
+    if (is_right) return;
+    complain(what + ": only_if names no choice that is declared anew",
+             fmt::format("\"{}={}\"", condition.parameter, condition.choice),
+             "\"PARAMETER=CHOICE\" of a HEDDLE_TYPE_CHOICE with HEDDLE_PARAMETER_REDECLARE");
   }
 
   void check_not_lasting(const Access& access, const std::string& what) {

@@ -139,6 +139,12 @@ struct Access {
   bool operator==(const Access&) const = default;
 };
 
+/// "parameter=choice".
+struct Condition {
+  std::string parameter, choice;
+  bool operator==(const Condition&) const = default;
+};
+
 struct Stage {
   std::string name;
   StageKind kind = StageKind::kGpu;
@@ -146,6 +152,7 @@ struct Stage {
   std::uint32_t latency = 0;                          // frames; cpu stages
   std::uint32_t loop_part = 0;                        // HEDDLE_LOOP_*
   std::optional<std::vector<std::string>> cached_by;  // parameters; cpu stages whose outputs are kept on disk
+  std::optional<Condition> only_if;                   // else it is not scheduled
   /// True for an access that reads what the GPU made some frames ago.
   [[nodiscard]] bool is_late(const Access& access, PortType type) const {
     return latency > 0 && access.access == HEDDLE_ACCESS_HOST_READ &&
@@ -214,6 +221,12 @@ struct Technique {
   [[nodiscard]] const Function* find_function(std::string_view role) const;
   bool operator==(const Technique&) const = default;
 };
+
+/// "accumulation=blend" in its two parts; without '=' the choice is empty.
+inline Condition condition_of(std::string_view text) {
+  const std::size_t equals = std::min(text.find('='), text.size());
+  return {std::string(text.substr(0, equals)), std::string(text.substr(std::min(equals + 1, text.size())))};
+}
 
 /// What a job leaves behind: bytes that outlast the process.
 inline bool lasts(PortType type) {

@@ -189,10 +189,14 @@ VkSampler Device::sampler(Sampler which) const {
   return state_->samplers.at(static_cast<std::size_t>(which));
 }
 
-bool Device::has_format(VkFormat format, VkFormatFeatureFlags features) const {
+VkFormatFeatureFlags Device::format_features(VkFormat format) const {
   VkFormatProperties properties{};
   state_->instance.GetPhysicalDeviceFormatProperties(state_->physical_device, format, &properties);
-  return (properties.optimalTilingFeatures & features) == features;
+  return properties.optimalTilingFeatures;
+}
+
+bool Device::has_format(VkFormat format, VkFormatFeatureFlags features) const {
+  return (format_features(format) & features) == features;
 }
 
 void Device::run(const std::function<void(VkCommandBuffer)>& record) {

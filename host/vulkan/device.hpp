@@ -170,7 +170,9 @@ class Device {
   void note_host_write(const Buffer& buffer, std::uint64_t offset = 0, std::uint64_t size = VK_WHOLE_SIZE);
   /// Hazards between commands that were submitted since the last call. Empty without check mode.
   std::vector<Diagnostic> take_hazards();
-  /// Whether optimally tiled images of the format have all the features.
+  /// Of optimally tiled images.
+  [[nodiscard]] VkFormatFeatureFlags format_features(VkFormat format) const;
+  /// Whether they have all of these.
   [[nodiscard]] bool has_format(VkFormat format, VkFormatFeatureFlags features) const;
 
   /// Every buffer can also be copied from and to.

@@ -2,6 +2,8 @@
 // Compiled shaders and raster state -> pipelines with their layouts.
 #include "vulkan/shader_source.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <bit>
 #include <utility>
@@ -122,22 +124,26 @@ namespace {
 
 VkPipelineColorBlendAttachmentState blend_state(std::uint32_t blend) {
   // New and old colour are weighed and added; alpha is treated as a fourth colour.
-  constexpr std::array<std::array<VkBlendFactor, 2>, 5> kFactors{{
+  constexpr std::array<std::array<VkBlendFactor, 2>, 6> kFactors{{
       // In the order of HEDDLE_BLEND_*.
       {VK_BLEND_FACTOR_ONE, VK_BLEND_FACTOR_ZERO},
       {VK_BLEND_FACTOR_ONE, VK_BLEND_FACTOR_ONE_MINUS_SRC_ALPHA},
       {VK_BLEND_FACTOR_ONE, VK_BLEND_FACTOR_ONE},
       {VK_BLEND_FACTOR_ZERO, VK_BLEND_FACTOR_SRC_COLOR},
       {VK_BLEND_FACTOR_ONE, VK_BLEND_FACTOR_SRC1_COLOR},
+      {VK_BLEND_FACTOR_CONSTANT_COLOR, VK_BLEND_FACTOR_ONE_MINUS_CONSTANT_COLOR},
   }};
   VkPipelineColorBlendAttachmentState state{};
   state.blendEnable = blend != HEDDLE_BLEND_NONE ? VK_TRUE : VK_FALSE;
   state.srcColorBlendFactor = kFactors.at(blend)[0];
   state.dstColorBlendFactor = kFactors.at(blend)[1];
-  state.srcAlphaBlendFactor = blend == HEDDLE_BLEND_MULTIPLY ? VK_BLEND_FACTOR_ZERO : VK_BLEND_FACTOR_ONE;
-  state.dstAlphaBlendFactor = blend == HEDDLE_BLEND_MULTIPLY ? VK_BLEND_FACTOR_SRC_ALPHA
-                              : blend == HEDDLE_BLEND_TINT   ? VK_BLEND_FACTOR_SRC1_ALPHA
-                                                             : state.dstColorBlendFactor;
+  state.srcAlphaBlendFactor = blend == HEDDLE_BLEND_MULTIPLY   ? VK_BLEND_FACTOR_ZERO
+                              : blend == HEDDLE_BLEND_CONSTANT ? VK_BLEND_FACTOR_CONSTANT_ALPHA
+                                                               : VK_BLEND_FACTOR_ONE;
+  state.dstAlphaBlendFactor = blend == HEDDLE_BLEND_MULTIPLY   ? VK_BLEND_FACTOR_SRC_ALPHA
+                              : blend == HEDDLE_BLEND_TINT     ? VK_BLEND_FACTOR_SRC1_ALPHA
+                              : blend == HEDDLE_BLEND_CONSTANT ? VK_BLEND_FACTOR_ONE_MINUS_CONSTANT_ALPHA
+                                                               : state.dstColorBlendFactor;
   state.colorWriteMask =
       VK_COLOR_COMPONENT_R_BIT | VK_COLOR_COMPONENT_G_BIT | VK_COLOR_COMPONENT_B_BIT | VK_COLOR_COMPONENT_A_BIT;
   return state;
@@ -341,16 +347,26 @@ VkPipeline PipelineMaker::make_graphics(const Wanted& wanted, VkPipelineLayout l
                   "(dualSrcBlend)",
                   "choose another technique for the pass, or another device");
     }
+    if (mode != HEDDLE_BLEND_NONE &&
+        !device_->has_format(state.color_formats[i], VK_FORMAT_FEATURE_COLOR_ATTACHMENT_BLEND_BIT)) {
+      throw Error(HEDDLE_UNSUPPORTED,
+                  fmt::format("a stage blends colours into an image of format {}, which this device cannot",
+                              format_info(state.color_formats[i]).name),
+                  "choose another technique or format for the pass, or another device");
+    }
     attachments.push_back(blend_state(mode));
   }
   VkPipelineColorBlendStateCreateInfo blend{VK_STRUCTURE_TYPE_PIPELINE_COLOR_BLEND_STATE_CREATE_INFO};
   blend.attachmentCount = static_cast<std::uint32_t>(attachments.size());
   blend.pAttachments = attachments.data();
-  constexpr std::array kDynamic{VK_DYNAMIC_STATE_VIEWPORT, VK_DYNAMIC_STATE_SCISSOR, VK_DYNAMIC_STATE_CULL_MODE,
-                                VK_DYNAMIC_STATE_FRONT_FACE};
+  std::vector dynamic_states{VK_DYNAMIC_STATE_VIEWPORT, VK_DYNAMIC_STATE_SCISSOR};
+  if (wanted.is_surfaces)
+    dynamic_states.insert(dynamic_states.end(), {VK_DYNAMIC_STATE_CULL_MODE, VK_DYNAMIC_STATE_FRONT_FACE});
+  if (std::ranges::find(state.blends, HEDDLE_BLEND_CONSTANT) != state.blends.end())
+    dynamic_states.push_back(VK_DYNAMIC_STATE_BLEND_CONSTANTS);
   VkPipelineDynamicStateCreateInfo dynamic{VK_STRUCTURE_TYPE_PIPELINE_DYNAMIC_STATE_CREATE_INFO};
-  dynamic.dynamicStateCount = wanted.is_surfaces ? 4 : 2;
-  dynamic.pDynamicStates = kDynamic.data();
+  dynamic.dynamicStateCount = static_cast<std::uint32_t>(dynamic_states.size());
+  dynamic.pDynamicStates = dynamic_states.data();
   VkPipelineRenderingCreateInfo rendering{VK_STRUCTURE_TYPE_PIPELINE_RENDERING_CREATE_INFO};
   rendering.colorAttachmentCount = static_cast<std::uint32_t>(state.color_formats.size());
   rendering.pColorAttachmentFormats = state.color_formats.data();

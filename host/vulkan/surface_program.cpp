@@ -97,7 +97,9 @@ void main() {
   uint layer = material.texture_layer[HEDDLE_TEXTURE_BASE_COLOR];
   // As in plugins/shared/surface_sample.glsl: the footprint from the interpolated coordinates, because helper invocations
   // may load 0 from buffers, which leaves transformed ones without derivatives.
-  vec2 uv0_dx = dFdx(surface.uv0), uv0_dy = dFdy(surface.uv0), uv1_dx = dFdx(surface.uv1), uv1_dy = dFdy(surface.uv1);
+  float scale = view.lod_bias == 0.0 ? 1.0 : exp2(view.lod_bias);
+  vec2 uv0_dx = scale * dFdx(surface.uv0), uv0_dy = scale * dFdy(surface.uv0);
+  vec2 uv1_dx = scale * dFdx(surface.uv1), uv1_dy = scale * dFdy(surface.uv1);
   if (layer != HEDDLE_NO_TEXTURE) {
     bool uses_uv1 = (material.texture_uv_sets & (1u << HEDDLE_TEXTURE_BASE_COLOR)) != 0u;
     mat2 m = mat2(material.uv_rotation_scale.xy, material.uv_rotation_scale.zw);

@@ -29,8 +29,12 @@ struct SurfaceFootprint {
   vec2 uv0_dx, uv0_dy, uv1_dx, uv1_dy;
 };
 
+// The view's bias makes it as much smaller or larger as takes all textures that many levels. Without one, by bits, as it
+// is.
 SurfaceFootprint surface_footprint() {
-  return SurfaceFootprint(dFdx(surface.uv0), dFdy(surface.uv0), dFdx(surface.uv1), dFdy(surface.uv1));
+  float scale = view.lod_bias == 0.0 ? 1.0 : exp2(view.lod_bias);
+  return SurfaceFootprint(scale * dFdx(surface.uv0), scale * dFdy(surface.uv0), scale * dFdx(surface.uv1),
+                          scale * dFdy(surface.uv1));
 }
 
 // `matrix` and `offset` are the texture's own KHR_texture_transform.

@@ -35,6 +35,28 @@ TEST(Order, BreaksTiesByTheFileAndKeepsDeclaredStages) {
   EXPECT_EQ(made.text(order(made.graph)), "b.second_name b.first_name a.second_name a.first_name");
 }
 
+TEST(Order, LeavesOutStagesThatAChoiceRulesOut) {
+  const auto text = [](std::size_t chosen) {
+    SyntheticGraph made;
+    made.image(made.pass("before"), "y");
+    made.gpu(0, "main", {touch("y", HEDDLE_ACCESS_STORAGE_WRITE)});
+    const PassIndex pass = made.pass("a");
+    made.image(pass, "x");
+    for (const char* name : {"first", "left", "right", "last"})
+      made.gpu(pass, name, {touch("x", HEDDLE_ACCESS_STORAGE_READ_WRITE)});
+    made.choose(pass, {"both", "left", "right"}, chosen);
+    made.only_if(pass, 0, "both");
+    made.only_if(pass, 1, "left");
+    made.only_if(pass, 2, "right");
+    const Order ordered = order(made.graph);
+    for (const StageDependency& one : stage_dependencies(made.graph)) EXPECT_EQ(one.from_pass, one.to_pass);
+    return made.text(ordered);
+  };
+  EXPECT_EQ(text(0), "before.main a.first a.last");
+  EXPECT_EQ(text(1), "before.main a.left a.last");
+  EXPECT_EQ(text(2), "before.main a.right a.last");
+}
+
 TEST(Order, LeavesPrunedPassesOut) {
   SyntheticGraph made;
   const PassIndex pass = made.pass("a");

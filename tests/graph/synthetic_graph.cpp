@@ -104,6 +104,17 @@ void SyntheticGraph::cpu(PassIndex pass, const std::string& name, std::vector<Ac
   technique(pass).stages.push_back({name, StageKind::kCpu, std::move(accesses), latency});
 }
 
+void SyntheticGraph::choose(PassIndex pass, std::vector<std::string> choices, std::size_t chosen) {
+  Parameter mode;
+  mode.name = "mode";
+  mode.type = ParameterType::kChoice;
+  mode.flags = HEDDLE_PARAMETER_REDECLARE;
+  mode.choices = std::move(choices);
+  technique(pass).parameters = {mode};
+  graph.passes[pass].parameters.assign(1, {});
+  graph.passes[pass].parameters[0].number[0] = static_cast<double>(chosen);
+}
+
 void SyntheticGraph::loop(PassIndex pass, const std::string& input, const std::string& output,
                           const std::string& gathered) {
   technique(pass).loop = Loop{{{input, output}}, {gathered}};

@@ -31,6 +31,11 @@ class SyntheticGraph {
   void delay(PassIndex pass, std::uint32_t stage, std::uint32_t latency) {
     technique(pass).stages[stage].latency = latency;
   }
+  /// A parameter "mode" of the pass, and which stage is there only with which of its choices.
+  void choose(PassIndex pass, std::vector<std::string> choices, std::size_t chosen);
+  void only_if(PassIndex pass, std::uint32_t stage, const std::string& choice) {
+    technique(pass).stages[stage].only_if = {"mode", choice};
+  }
   /// Makes the pass a loop; its stages are given their parts by `part`.
   void loop(PassIndex pass, const std::string& input, const std::string& output, const std::string& gathered);
   void part(PassIndex pass, std::uint32_t stage, std::uint32_t loop_part) {

@@ -337,7 +337,9 @@ class Virtual {
     }
     for (std::size_t c = 0; c < 2; ++c) looker.tangents[c] = static_cast<double>(view.half_size[c]);
     // Of the two the coarser pixels would ask for less: the finer ones count.
-    looker.focal_px = 0.5 * std::max(view.extent[0] / looker.tangents[0], view.extent[1] / looker.tangents[1]);
+    // As if the image had as many pixels more as take textures finer.
+    looker.focal_px = 0.5 * std::max(view.extent[0] / looker.tangents[0], view.extent[1] / looker.tangents[1]) *
+                      std::exp2(-static_cast<double>(view.lod_bias));
     looker.near_plane = static_cast<double>(view.near_distance);
     looker.ignores_direction = host.toggle("turning");
     const double bias = host.choice("filtering") == kTrilinear ? 1.0 : host.parameter("bias");

@@ -487,6 +487,25 @@ TEST(Descriptor, OfACachedStageIsRefusedWhereItsKeyWouldLackSomething) {
                 "\n" + told("stage 'fill': it is cached, and has no output"));
 }
 
+TEST(Descriptor, OfAStageThatAChoiceRulesOutNamesAChoiceThatIsDeclaredAnew) {
+  const auto only_if = [](const char* text, std::uint32_t flags = HEDDLE_PARAMETER_REDECLARE) {
+    return message([&](Example& e) {
+      e.stages[1].only_if = text;
+      e.parameters[1].flags = flags;
+    });
+  };
+  const auto refused = [](const std::string& text) {
+    return told("stage 'fill': only_if names no choice that is declared anew\n  found:    \"" + text +
+                "\"\n  expected: \"PARAMETER=CHOICE\" of a HEDDLE_TYPE_CHOICE with HEDDLE_PARAMETER_REDECLARE");
+  };
+  EXPECT_EQ(only_if("quality=high"), "no error");
+  EXPECT_EQ(only_if("quality=higher"), refused("quality=higher"));
+  EXPECT_EQ(only_if("quality"), refused("quality="));
+  EXPECT_EQ(only_if("radius=1"), refused("radius=1"));
+  EXPECT_EQ(only_if("color=red"), refused("color=red"));
+  EXPECT_EQ(only_if("quality=high", 0), refused("quality=high"));
+}
+
 TEST(Descriptor, OfWhatLastsIsRefusedWhereJobsCannotKeepIt) {
   const auto lasting = [](std::uint32_t type, const std::function<void(Example&)>& change) {
     return message([&](Example& e) {
@@ -654,8 +673,8 @@ TEST(Descriptor, WithAnAccessThatDoesNotFitIsRefused) {
             told("stage 'draw': access to 'visibility': clear is NaN"));
   EXPECT_EQ(message([](Example& e) { e.accesses[1].load = HEDDLE_LOAD_CLEAR_NEW; }),
             told("stage 'draw': access to 'visibility': HEDDLE_LOAD_CLEAR_NEW is for optional inout ports"));
-  EXPECT_EQ(message([](Example& e) { e.accesses[1].blend = HEDDLE_BLEND_TINT + 1; }),
-            told("stage 'draw': access to 'visibility': unknown blend\n  found:    5\n  expected: 0 to 4\n") +
+  EXPECT_EQ(message([](Example& e) { e.accesses[1].blend = HEDDLE_BLEND_CONSTANT + 1; }),
+            told("stage 'draw': access to 'visibility': unknown blend\n  found:    6\n  expected: 0 to 5\n") +
                 told("port 'visibility': no stage and no function touches this output"));
   EXPECT_EQ(message([](Example& e) { e.accesses[2].blend = HEDDLE_BLEND_OVER; }),
             told("stage 'fill': access to 'table': blend belongs to HEDDLE_ACCESS_COLOR"));

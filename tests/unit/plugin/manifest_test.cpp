@@ -179,8 +179,17 @@ TEST(Manifest, OfCachedStagesComesBackExactly) {
   }
 }
 
+TEST(Manifest, OfAStageThatAChoiceRulesOutComesBackExactly) {
+  Manifest written = example_manifest();
+  written.techniques[0].parameters[1].flags = HEDDLE_PARAMETER_REDECLARE;
+  written.techniques[0].stages[1].only_if = {"quality", "high"};
+  const Manifest read = manifest_from_json(to_json(written), kFile);
+  EXPECT_FALSE(read.techniques[0].stages[0].only_if);
+  EXPECT_EQ(read.techniques[0].stages[1].only_if, written.techniques[0].stages[1].only_if);
+}
+
 TEST(Manifest, WithBrokenJsonNamesThePlace) {
-  EXPECT_EQ(message("{\n \"format\": 3,\n \"abi\": [0 1]\n}\n"),
+  EXPECT_EQ(message("{\n \"format\": 4,\n \"abi\": [0 1]\n}\n"),
             kFile.string() +
                 ":3:12: error: manifest: this is no JSON\n"
                 "  help:     manifests are written by heddle-manifest: build the plugin again");
@@ -190,9 +199,9 @@ TEST(Manifest, WithBrokenJsonNamesThePlace) {
 }
 
 TEST(Manifest, OfAnotherFormatSaysSo) {
-  EXPECT_EQ(message(replaced(to_json(example_manifest()), "\"format\": 3", "\"format\": 4")),
+  EXPECT_EQ(message(replaced(to_json(example_manifest()), "\"format\": 4", "\"format\": 5")),
             kFile.string() +
-                ": error: manifest: /format is another format\n  found:    4\n  expected: 3\n"
+                ": error: manifest: /format is another format\n  found:    5\n  expected: 4\n"
                 "  help:     manifests are written by heddle-manifest: build the plugin again");
 }
 

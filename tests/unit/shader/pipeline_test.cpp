@@ -297,8 +297,9 @@ TEST_F(ShaderPipeline, BlendsWeighNewAndOldColoursAsTheirNamesSay) {
   // Drawn twice over what the target is cleared to.
   const std::array<float, 4> before{0.5F, 0.25F, 0.125F, 0.0F};
   const std::array<float, 4> drawn_color{1.0F, 0.5F, 0.0F, 0.5F}, tint{0.5F, 1.0F, 0.25F, 0.5F};
-  for (const std::uint32_t blend :
-       {HEDDLE_BLEND_NONE, HEDDLE_BLEND_OVER, HEDDLE_BLEND_ADD, HEDDLE_BLEND_MULTIPLY, HEDDLE_BLEND_TINT}) {
+  constexpr std::array<float, 4> kConstant{0.5F, 0.25F, 0.75F, 0.125F};
+  for (const std::uint32_t blend : {HEDDLE_BLEND_NONE, HEDDLE_BLEND_OVER, HEDDLE_BLEND_ADD, HEDDLE_BLEND_MULTIPLY,
+                                    HEDDLE_BLEND_TINT, HEDDLE_BLEND_CONSTANT}) {
     BoundPort port = image("color", HEDDLE_ACCESS_COLOR, VK_FORMAT_R32G32B32A32_SFLOAT);
     port.blend = blend;
     const std::string text =
@@ -320,6 +321,7 @@ TEST_F(ShaderPipeline, BlendsWeighNewAndOldColoursAsTheirNamesSay) {
         vk().CmdDraw(commands, 3, 1, 0, 0);
       };
       draw(first, before);
+      if (blend == HEDDLE_BLEND_CONSTANT) vk().CmdSetBlendConstants(commands, kConstant.data());
       draw(second, drawn_color);
     });
     for (std::size_t c = 0; c < 4; ++c) {
@@ -328,9 +330,28 @@ TEST_F(ShaderPipeline, BlendsWeighNewAndOldColoursAsTheirNamesSay) {
                              : blend == HEDDLE_BLEND_ADD      ? fresh + old
                              : blend == HEDDLE_BLEND_MULTIPLY ? fresh * old
                              : blend == HEDDLE_BLEND_TINT     ? fresh + tint[c] * old
+                             : blend == HEDDLE_BLEND_CONSTANT ? kConstant[c] * fresh + (1.0F - kConstant[c]) * old
                                                               : fresh;
       EXPECT_EQ(pixels[c], expected) << "blend " << blend << ", channel " << c;  // exact: few bits each
     }
+  }
+}
+
+TEST_F(ShaderPipeline, BlendingIntoAFormatThatTheDeviceCannotBlendIsRefused) {
+  const BoundPort port = image("color", HEDDLE_ACCESS_COLOR, VK_FORMAT_R32G32B32A32_SFLOAT);
+  const ShaderRequest made =
+      request("#include \"pass.glsl\"\nvoid main() { color = vec4(1.0); }\n", {port}, ShaderKind::kFullscreen);
+  RasterState state;
+  state.color_formats = {VK_FORMAT_R32G32B32A32_UINT};  // integers are never blended
+  state.blends = {HEDDLE_BLEND_CONSTANT};
+  try {
+    (void)maker_->fullscreen(compile(made, {}), {}, state);
+    FAIL() << "made";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.status(), HEDDLE_UNSUPPORTED);
+    EXPECT_STREQ(error.what(),
+                 "error: a stage blends colours into an image of format r32g32b32a32_uint, which this device cannot\n"
+                 "  help:     choose another technique or format for the pass, or another device");
   }
 }
 
