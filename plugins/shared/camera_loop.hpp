@@ -9,6 +9,7 @@
 #include "point_sequences.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <span>
 
@@ -22,17 +23,31 @@ inline constexpr heddle_access kMoveAccesses[] = {heddle::pass::value("camera"),
 inline constexpr heddle_override kOverrides[] = {heddle::pass::override_of("camera", "sample_camera")};
 }  // namespace detail
 
+/// From cheap to accurate: finer levels are more memory to read.
+inline constexpr double kLodBiasLadder[] = {0, 0.5, 1};
+inline constexpr heddle_parameter kLodBiasParameter = heddle::pass::knob(
+    heddle::pass::parameter("texture_lod_bias", "1", 0, 1, 1,
+                            "how much of -log2(samples) / 2 levels textures are taken finer, but in the first sample"),
+    kLodBiasLadder);
+
 /// The stage that calls set_sample_camera.
 inline constexpr heddle_stage kMoveStage =
     heddle::pass::in_loop(HEDDLE_LOOP_BEFORE, heddle::pass::cpu_stage("move", detail::kMoveAccesses));
 inline constexpr heddle_loop kCameraLoop = heddle::pass::loop(detail::kOverrides, "radiance");
 
+/// n samples of a pixel filter textures themselves: each may take them that much finer, log2(sqrt(n)) levels, times
+/// `share`, 0 to 1. The first takes them as they are, because it is shown alone while things move.
+inline double sample_lod_bias(std::uint32_t index, std::uint32_t count, double share) {
+  return index == 0 ? 0.0 : -0.5 * share * std::log2(static_cast<double>(count));
+}
+
 /// The view for a sample that is taken `offset` pixels from the centres, x to the right, y down.
-inline heddle_status set_sample_camera(const heddle::pass::Frame& frame, const Point& offset) {
+inline heddle_status set_sample_camera(const heddle::pass::Frame& frame, const Point& offset, double lod_bias) {
   const auto camera = frame.value<HeddleView>("camera");
   if (camera.empty()) return frame.host().fail(HEDDLE_BUG, "there is no camera");
-  const HeddleView view = moved(camera[0], -offset[0], -offset[1]);
-  return frame.set_value("sample_camera", std::span(&view, 1));
+  HeddleView view = moved(camera[0], -offset[0], -offset[1]);
+  view.lod_bias = static_cast<float>(view.lod_bias + lod_bias);
+  return frame.set_value("sample_camera", std::span<const HeddleView>(&view, 1));
 }
 
 /// Which samples a frame takes: those that are missing, as long as nothing changes; else from the first on.

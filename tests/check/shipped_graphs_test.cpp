@@ -285,7 +285,11 @@ INSTANTIATE_TEST_SUITE_P(
                     Variant{"progressive", "supersampled.toml", {"aa.params.samples=3", "aa.params.mode=progressive"}},
                     Variant{"multiframe",
                             "supersampled.toml",
-                            {"aa.technique=multiframe", "aa.params.samples=3", "aa.params.accumulator=rgba16f"}}),
+                            {"aa.technique=multiframe", "aa.params.samples=3", "aa.params.accumulator=rgba16f"}},
+                    Variant{"blended",
+                            "supersampled.toml",
+                            {"aa.technique=multiframe", "aa.params.samples=3", "aa.params.accumulator=rgba32f",
+                             "aa.params.accumulation=blend"}}),
     [](const auto& tested) { return tested.param.name; });
 
 }  // namespace

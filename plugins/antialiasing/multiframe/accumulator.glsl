@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an accumulator can hold of a mean, and what a sample weighs in it. Pure functions; README equations (7) to (9).
+// What an accumulator can hold of a mean, and what a sample weighs in it. Pure functions; README equations (7) to (9) and (12).
 #ifndef MULTIFRAME_ACCUMULATOR_GLSL
 #define MULTIFRAME_ACCUMULATOR_GLSL
 
@@ -52,6 +52,11 @@ vec4 to_accumulator(vec4 radiance, uint accumulator, float white) {
 vec4 from_accumulator(vec4 stored, uint accumulator, float white) {
   if (accumulator != kRgba8 && accumulator != kRgba16) return stored;
   return vec4(stored.rgb * white, stored.a);
+}
+
+// Equation (12): what was blended are means of samples times weights, and of weights; of samples left out both are 0.
+vec4 mean_of_blended(vec4 weighted, float weight) {
+  return weight > 0.0 ? weighted / weight : vec4(0.0);
 }
 
 // Equation (9), Karis 2014: what is white weighs half of what is black. Never 0: white is at least 1e-5.

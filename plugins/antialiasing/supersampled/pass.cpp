@@ -26,6 +26,7 @@ constexpr heddle_parameter kParameters[] = {
     choice("mode", kModes, 0, "reference: all in a frame; progressive: one a frame while nothing changes"),
     choice("sequence", kSequences, 0, "where in a pixel the samples are taken"),
     choice("filter", kFilters, 0, "what a pixel weighs its surroundings with"),
+    sampling::kLodBiasParameter,
 };
 enum StageIndex : std::uint32_t { kMove, kAccumulate, kResolve };
 constexpr heddle_access kAccumulateAccesses[] = {sampled("radiance"), storage_read_write("mean"),
@@ -65,7 +66,10 @@ class Supersampled {
   heddle_status execute(const Frame& frame) const {
     const auto sequence = static_cast<supersampled::Sequence>(host_.choice("sequence"));
     const auto filter = static_cast<supersampled::Filter>(host_.choice("filter"));
-    return sampling::set_sample_camera(frame, supersampled::sample_offset(sequence, filter, frame.info().iteration));
+    const std::uint32_t index = frame.info().iteration;
+    const auto count = static_cast<std::uint32_t>(host_.integer("samples"));
+    return sampling::set_sample_camera(frame, supersampled::sample_offset(sequence, filter, index),
+                                       sampling::sample_lod_bias(index, count, host_.parameter("texture_lod_bias")));
   }
 
   heddle_status record(const Frame& frame) const {

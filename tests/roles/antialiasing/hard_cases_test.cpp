@@ -31,6 +31,9 @@ TEST(Antialiasing, H1OneSampleLeavesEveryBitAsItWas) {
                     "aa.params.accumulator=" + accumulator},
                    "the first of 16: " + kernel + ", " + accumulator);
     }
+    is_unchanged({"aa.technique=multiframe", samples(16), "aa.params.kernel=" + kernel, "aa.params.accumulator=rgba32f",
+                  "aa.params.accumulation=blend"},
+                 "the first of 16: " + kernel + ", blended");
   }
 }
 

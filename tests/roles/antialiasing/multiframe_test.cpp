@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // antialiasing/multiframe: frame after frame to the mean, what a frame costs by counters, what its accumulators lose,
 // and rendered edges.
+#include "antialiasing/multiframe/accumulators.hpp"
 #include "antialiasing/multiframe/kernel.hpp"
 #include "parsed.hpp"
 #include "roles/antialiasing/edges.hpp"
@@ -8,6 +9,7 @@
 
 #include <iostream>
 #include <map>
+#include <set>
 
 namespace {
 
@@ -53,20 +55,121 @@ TEST(Multiframe, EndsAtTheReferenceForTheSamePoints) {
   EXPECT_EQ(graph.read().pixels, expected.pixels);
 }
 
+/// Settings of blending into an accumulator.
+std::vector<std::string> blended(const std::string& accumulator, std::vector<std::string> more = {}) {
+  more.emplace_back("accumulator=" + accumulator);
+  more.emplace_back("accumulation=blend");
+  return more;
+}
+
 TEST(Multiframe, SubmitsNothingInAHundredFramesAfterTheLast) {
   Scene scene;
   build(scene);
-  Graph graph(scene_text(), multiframe_settings(3));
-  for (int k = 0; k < 3; ++k) render(graph, scene);
-  const Image last = graph.read();
-  for (int k = 0; k < 100; ++k) {
-    render(graph, scene);
-    const auto found = stats(graph);
-    for (const char* name : {"submits", "commands", "dispatches", "draws", "barriers", "uploaded_bytes", "renderings"})
-      ASSERT_EQ(found["counters"][name], 0) << name << ", idle frame " << k;
-    ASSERT_EQ(found["loops"][0]["done"], 3);
+  for (const std::vector<std::string>& parameters : {std::vector<std::string>{}, blended("rgba32f")}) {
+    Graph graph(scene_text(), multiframe_settings(3, parameters));
+    for (int k = 0; k < 3; ++k) render(graph, scene);
+    const Image last = graph.read();
+    for (int k = 0; k < 100; ++k) {
+      render(graph, scene);
+      const auto found = stats(graph);
+      for (const char* name :
+           {"submits", "commands", "dispatches", "draws", "barriers", "uploaded_bytes", "renderings"})
+        ASSERT_EQ(found["counters"][name], 0) << name << ", idle frame " << k;
+      ASSERT_EQ(found["loops"][0]["done"], 3);
+    }
+    EXPECT_EQ(graph.read().pixels, last.pixels);
   }
-  EXPECT_EQ(graph.read().pixels, last.pixels);
+}
+
+TEST(Multiframe, BlendingMakesTheMeanOfTheComputeShaderToItsRounding) {
+  // Each frame rounds two products and a sum: 3 u relative, of which k/n is left after n frames.
+  constexpr int kCount = 13;
+  Scene scene;
+  build(scene);
+  for (const std::string weighting : {"equal", "compressed"}) {
+    Graph by_compute(scene_text(), multiframe_settings(kCount, {"accumulator=rgba32f", "weighting=" + weighting}));
+    Graph by_blending(scene_text(), multiframe_settings(kCount, blended("rgba32f", {"weighting=" + weighting})));
+    for (int k = 1; k <= kCount; ++k) {
+      render(by_compute, scene);
+      render(by_blending, scene);
+      const Image expected = by_compute.read();
+      const Image image = by_blending.read();
+      const auto bound = static_cast<float>(2 * 3 * 0x1p-24 * (k + 1));
+      for (std::size_t i = 0; i < expected.pixels.size(); ++i)
+        ASSERT_NEAR(image.pixels[i], expected.pixels[i], bound * std::abs(expected.pixels[i]))
+            << weighting << ", " << k;
+    }
+    EXPECT_EQ(done(by_blending), kCount);
+  }
+}
+
+TEST(Multiframe, BlendingCostsADrawOfTwoAttachmentsInPlaceOfADispatch) {
+  Scene scene;
+  build(scene);
+  const auto counters = [&](const std::vector<std::string>& parameters) {
+    Graph graph(scene_text(), multiframe_settings(3, parameters));
+    render(graph, scene);
+    render(graph, scene);
+    return stats(graph)["counters"];
+  };
+  const auto by_compute = counters({"accumulator=rgba32f"});
+  const auto by_blending = counters(blended("rgba32f"));
+  for (const char* name : {"commands", "dispatches", "draws", "renderings", "barriers"})
+    std::cout << name << " of the second frame: " << by_compute[name] << " by compute, " << by_blending[name]
+              << " by blending\n";
+  EXPECT_EQ(by_blending["dispatches"].get<int>(), by_compute["dispatches"].get<int>() - 1);
+  EXPECT_EQ(by_blending["draws"].get<int>(), by_compute["draws"].get<int>() + 1);
+  EXPECT_EQ(by_blending["renderings"].get<int>(), by_compute["renderings"].get<int>() + 1);
+}
+
+TEST(Multiframe, HasOnlyTheStagesOfTheAccumulationThatIsChosen) {
+  Scene scene;
+  build(scene);
+  const auto stages = [&](Graph& graph) {
+    std::set<std::string> names;
+    const char* text = nullptr;
+    check(heddle_graph_explain(graph.handle, "json", &text));
+    const auto explained = nlohmann::json::parse(text);
+    for (const auto& stage : explained["stages"])
+      if (stage["pass"] == "aa") names.insert(stage["stage"].get<std::string>());
+    return names;
+  };
+  Graph graph(scene_text(), multiframe_settings(3, {"accumulator=rgba32f"}));
+  render(graph, scene);
+  EXPECT_EQ(stages(graph), (std::set<std::string>{"move", "accumulate", "resolve"}));
+  graph.set("aa.params.accumulation=blend");
+  render(graph, scene);
+  EXPECT_EQ(stages(graph), (std::set<std::string>{"move", "begin", "blend", "resolve_blended"}));
+  Graph other(scene_text(), multiframe_settings(3, blended("rgba32f")));
+  for (int k = 0; k < 3; ++k) render(other, scene);
+  for (int k = 1; k < 3; ++k) render(graph, scene);
+  EXPECT_EQ(graph.read().pixels, other.read().pixels);
+}
+
+TEST(Multiframe, SaysWhatCannotBeBlendedInto) {
+  Scene scene;
+  Graph graph(edge_text("constants"), multiframe_settings(3, {"accumulation=blend"}));
+  EXPECT_EQ(heddle_render(graph.handle, scene.handle, nullptr), HEDDLE_BAD_INPUT);
+  EXPECT_NE(
+      std::string(heddle_error(Host::get().handle))
+          .find("accumulation = blend with accumulator = float32_pair: two floats are not one that blending could "
+                "change; expected accumulator = rgba8, rgba16f, rgba16, rgba32f, or accumulation = compute"),
+      std::string::npos)
+      << heddle_error(Host::get().handle);
+  // Blending of 8 bit and 16 bit float formats is all that Vulkan asks of a device.
+  const auto features = [](VkFormat format) -> VkFormatFeatureFlags {
+    const bool can = format == VK_FORMAT_R8G8B8A8_UNORM || format == VK_FORMAT_R8_UNORM ||
+                     format == VK_FORMAT_R16G16B16A16_SFLOAT || format == VK_FORMAT_R16_SFLOAT ||
+                     format == VK_FORMAT_R32_SFLOAT;  // one channel alone is not enough
+    VkFormatFeatureFlags found = VK_FORMAT_FEATURE_COLOR_ATTACHMENT_BIT;
+    if (can) found |= VK_FORMAT_FEATURE_COLOR_ATTACHMENT_BLEND_BIT;
+    return found;
+  };
+  EXPECT_EQ(multiframe::why_not_blended(0, features), "");
+  EXPECT_EQ(multiframe::why_not_blended(1, features), "");
+  EXPECT_EQ(multiframe::why_not_blended(3, features),
+            "accumulation = blend with accumulator = rgba32f: this device does not blend into that format; expected "
+            "accumulator = rgba8, rgba16f, or accumulation = compute");
 }
 
 TEST(Multiframe, TakesAsManySamplesAFrameAsWanted) {
@@ -146,16 +249,50 @@ TEST(Multiframe, SaysWhatWasLeftOutOfEachPixel) {
 
 TEST(Multiframe, LeavesNothingOfSamplesBeforeTheChange) {
   Scene scene;
-  Graph graph(edge_text("broken", 16, 8), multiframe_settings(4, {"accumulator=rgba16f"}));
-  for (int k = 0; k < 3; ++k) render(graph, scene);
-  EXPECT_EQ(graph.read().at(4, 3), 0.0F) << "nothing but NaN";
-  EXPECT_EQ(graph.read().at(9, 3), 3.0F);
-  graph.set("edge.technique=flips");
-  render(graph, scene);
-  EXPECT_EQ(done(graph), 1);
-  const Image image = graph.read();
-  for (std::uint32_t x = 0; x < 16; ++x)
-    EXPECT_TRUE(std::abs(image.at(x, 3) - 0.1F) < 1e-3F || std::abs(image.at(x, 3) - 0.9F) < 1e-3F) << image.at(x, 3);
+  for (const std::vector<std::string>& parameters :
+       {std::vector<std::string>{"accumulator=rgba16f"}, blended("rgba16f"), blended("rgba32f")}) {
+    Graph graph(edge_text("broken", 16, 8), multiframe_settings(4, parameters));
+    for (int k = 0; k < 3; ++k) render(graph, scene);
+    EXPECT_EQ(graph.read().at(4, 3), 0.0F) << "nothing but NaN";
+    EXPECT_NEAR(graph.read().at(9, 3), 3.0F, 3 * 0x1p-10F);
+    const auto begins_anew = [&](const std::string& technique) {
+      graph.set("edge.technique=" + technique);
+      render(graph, scene);
+      EXPECT_EQ(done(graph), 1);
+    };
+    // What the first sample is not blended with, whatever it is: too large for 16 bit floats, and infinite there.
+    begins_anew("constants");
+    begins_anew("flips");
+    const Image image = graph.read();
+    for (std::uint32_t x = 0; x < 16; ++x)
+      EXPECT_TRUE(std::abs(image.at(x, 3) - 0.1F) < 1e-3F || std::abs(image.at(x, 3) - 0.9F) < 1e-3F) << image.at(x, 3);
+  }
+}
+
+TEST(Multiframe, BlendingLeavesOutSamplesThatAreNoNumbers) {
+  // The mean of samples times weights over that of weights: each rounds 3 u a frame, 2 u of 16 bit floats where they
+  // are truncated in every frame, and their quotient once more.
+  Scene scene;
+  constexpr int kCount = 16;
+  for (const auto& [accumulator, bound] :
+       {std::pair("rgba32f", 2 * 3 * 0x1p-24 * (kCount + 1)), std::pair("rgba16f", 2 * 2 * 0x1p-10 * (kCount + 1))}) {
+    Graph graph(edge_text("broken", 16, 8), all_in_one(kCount, blended(accumulator)));
+    graph.keep("aa.weight");
+    const Image image = graph.image(scene);
+    const Image weight = graph.read("aa.weight");
+    int right = 0;
+    for (const auto& p : offsets_of(multiframe::Kernel::kPoisson, kCount, true)) right += p[0] >= 0 ? 1 : 0;
+    for (std::uint32_t x = 0; x < 16; ++x) {
+      const double part = x < 4 ? static_cast<double>(right) / kCount : x < 6 ? 0.0 : 1.0;
+      EXPECT_NEAR(weight.at(x, 3), part, bound) << accumulator << ", column " << x;
+      for (std::uint32_t channel = 0; channel < 4; ++channel) {
+        if (x == 4 || x == 5)
+          EXPECT_EQ(image.at(x, 3, channel), 0.0F) << accumulator << ", column " << x;
+        else
+          EXPECT_NEAR(image.at(x, 3, channel), 3.0F, 3 * 2 * bound) << accumulator << ", column " << x;
+      }
+    }
+  }
 }
 
 TEST(Multiframe, KeepsConstantsOverTenThousandFrames) {
@@ -189,12 +326,13 @@ const std::string kWhiteIsOne = "exposure=" + std::to_string(-std::log2(1.2));
 struct AccumulatorError {
   double largest = 0, mean = 0;
 };
-AccumulatorError accumulator_error(const std::string& accumulator, const std::string& rounding, int count) {
+AccumulatorError accumulator_error(const std::vector<std::string>& parameters, int count) {
   constexpr std::uint32_t kWidth = 64;
   constexpr std::uint32_t kHeight = 8;
   Scene scene;
-  Graph graph(edge_text("flips", kWidth, kHeight),
-              all_in_one(count, {"accumulator=" + accumulator, "rounding=" + rounding, kWhiteIsOne, "kernel=r2"}));
+  std::vector<std::string> all = parameters;
+  all.insert(all.end(), {kWhiteIsOne, "kernel=r2"});
+  Graph graph(edge_text("flips", kWidth, kHeight), all_in_one(count, all));
   const Image image = graph.image(scene);
   AccumulatorError found;
   for (std::uint32_t y = 0; y < kHeight; ++y) {
@@ -223,7 +361,8 @@ TEST(Multiframe, AccumulatorsLoseNoMoreThanTheirRoundingAllows) {
                            Rung{"rgba16f", "truncate", 0x1p-11}, Rung{"rgba16f", "nearest", 0x1p-12},
                            Rung{"rgba16", "truncate", 1.0 / 65535}, Rung{"rgba16", "nearest", 0.5 / 65535},
                            Rung{"rgba32f", "nearest", 0x1p-25}, Rung{"float32_pair", "nearest", 0}}) {
-    const AccumulatorError error = accumulator_error(rung.accumulator, rung.rounding, kCount);
+    const AccumulatorError error = accumulator_error(
+        {std::string("accumulator=") + rung.accumulator, std::string("rounding=") + rung.rounding}, kCount);
     const double bound = (rung.u + (rung.u == 0 ? 0 : 6 * 0x1p-25)) * (kCount + 1) / 2 + 2 * 0x1p-24;
     const std::string name = std::string(rung.accumulator) + ", " + rung.rounding;
     errors[name] = error;
@@ -240,6 +379,42 @@ TEST(Multiframe, AccumulatorsLoseNoMoreThanTheirRoundingAllows) {
   EXPECT_LT(10 * errors["rgba16, nearest"].largest, errors["rgba16f, nearest"].largest);
   EXPECT_LT(errors["rgba16f, nearest"].largest, errors["rgba8, nearest"].largest);
   EXPECT_GT(-errors["rgba16f, truncate"].mean, 5 * std::abs(errors["rgba8, nearest"].mean));
+}
+
+/// The largest relative change of constants in the mean of `count` samples.
+double constants_error(const std::vector<std::string>& parameters, int count) {
+  Scene scene;
+  // Powers of two from 2^-14 on, where 16 bit floats are as precise as everywhere; white is 1.
+  std::vector<std::string> all = parameters;
+  all.insert(all.end(), {kWhiteIsOne, "kernel=r2"});
+  Graph graph(edge_text("constants", 40, 8), all_in_one(count, all));
+  Graph one(edge_text("constants", 40, 8), all_in_one(1, all));
+  const Image image = graph.image(scene);
+  const Image expected = one.image(scene);
+  double largest = 0;
+  for (std::uint32_t y = 0; y < 8; ++y) {
+    for (std::uint32_t x = 28; x < 40; ++x) {
+      const double right = expected.at(x, y);
+      if (right > 0) largest = std::max(largest, std::abs(image.at(x, y) - right) / right);
+    }
+  }
+  return largest;
+}
+
+TEST(Multiframe, BlendingLosesConstantsAndTheComputeShaderDoesNot) {
+  constexpr int kCount = 1024;
+  std::map<std::string, double> lost;
+  for (const std::string accumulator : {"rgba8", "rgba16f", "rgba16", "rgba32f"}) {
+    const AccumulatorError error = accumulator_error(blended(accumulator), kCount);
+    lost[accumulator] = constants_error(blended(accumulator), kCount);
+    std::cout << "| " << accumulator << " | " << error.largest << " | " << error.mean << " | "
+              << constants_error({"accumulator=" + accumulator}, kCount) << " | " << lost[accumulator] << " |\n";
+  }
+  EXPECT_EQ(constants_error({"accumulator=rgba32f"}, kCount), 0);
+  // (14): three roundings a frame.
+  EXPECT_GT(lost["rgba32f"], 0);
+  EXPECT_LE(lost["rgba32f"], 3 * 0x1p-24 * (kCount + 1));
+  EXPECT_LE(accumulator_error(blended("rgba32f"), kCount).largest, 3 * 0x1p-25 * (kCount + 1));
 }
 
 TEST(Multiframe, CompressedWeightsAreThoseOfTheEquation) {
