@@ -120,7 +120,9 @@ TEST(LightingForward, NeedsNoGbuffer) {
   EXPECT_GT(image.at(48, 50), 0.0F);
   const char* stats = nullptr;
   check(heddle_stats(graph.handle, &stats));
-  for (const auto& library : parsed::json(stats)["libraries"])
+  const nlohmann::json libraries = parsed::json(stats)["libraries"];
+  EXPECT_FALSE(libraries.empty());
+  for (const auto& library : libraries)
     EXPECT_EQ(library.get<std::string>().find("/gbuffer/"), std::string::npos) << library;
 }
 
