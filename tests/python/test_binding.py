@@ -14,7 +14,8 @@ from heddle.host import ALPHA_MODES, LIGHT_TYPES
 POINTERS_TO_OPAQUE = ("heddle_host", "heddle_scene", "heddle_graph", "heddle_comparison")
 STRUCTURES = {
     "heddle_host_options": _library.HostOptions, "heddle_image": _library.Image, "heddle_texels": _library.Texels,
-    "heddle_texture": _library.Texture, "heddle_mesh": _library.Mesh, "heddle_material": _library.SceneMaterial, "heddle_light": _library.SceneLight,
+    "heddle_texture": _library.Texture, "heddle_mesh": _library.Mesh, "heddle_material": _library.SceneMaterial,
+    "heddle_light": _library.SceneLight,
     "heddle_camera": _library.Camera, "heddle_render_options": _library.RenderOptions, "HeddleLight": _library.Light,
     "HeddleMaterial": _library.Material, "heddle_triangles": _library.Triangles,
     "heddle_load_options": _library.LoadOptions, "heddle_environment": _library.Environment,
