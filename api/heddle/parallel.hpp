@@ -9,7 +9,7 @@ namespace heddle::pass {
 
 /// In execute: work(i) for each i below `count`, in any order, on as many threads as there are processors; on a host
 /// without the service, one after the other. What it makes must not depend on the order, and it calls nothing of the
-/// host but what is [any-thread].
+/// host but what is [any-thread] and throws nothing: on other threads nobody catches it.
 template <typename Work>
 heddle_status for_each_index(const PassHost& host, std::uint64_t count, const Work& work) {
   const auto* service = host.service<heddle_parallel_service>(HEDDLE_PARALLEL_SERVICE);

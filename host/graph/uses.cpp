@@ -87,11 +87,13 @@ void add_calls(std::vector<std::string>& calls, const std::vector<std::string>& 
     if (std::ranges::find(calls, role) == calls.end()) calls.push_back(role);
 }
 
-/// True for a port through which the technique sees nothing of this frame: only its stages with latency read it.
-bool is_late_port(const Technique& technique, std::string_view name) {
+/// True for a port through which the pass sees nothing of this frame: only its stages with latency read it.
+bool is_late_port(const Pass& pass, std::string_view name) {
+  const Technique& technique = *pass.entry.technique;
   const Port* port = technique.find_port(name);
   bool is_late = false;
   for (const Stage& stage : technique.stages) {
+    if (!is_scheduled(pass, stage)) continue;
     for (const Access& access : stage.accesses) {
       if (access.port != name) continue;
       if (!stage.is_late(access, port->type)) return false;
@@ -267,7 +269,7 @@ std::vector<PassIndex> find_dependencies(const ResolvedGraph& graph, PassIndex i
     if (dependency != kNoIndex && dependency != index) found.push_back(dependency);
   };
   for (const auto& [name, resource] : pass.ports)
-    if (!is_late_port(*pass.entry.technique, name)) add(graph.resources[resource].producer);
+    if (!is_late_port(pass, name)) add(graph.resources[resource].producer);
   for (const auto& [name, resource] : pass.inout_sources) add(graph.resources[resource].producer);
   const std::vector<std::string> calls = all_calls(*pass.entry.technique);
   for (const PassIndex provider : reached_providers(graph, index, calls)) add(provider);
@@ -282,7 +284,7 @@ std::vector<PassIndex> find_past_dependencies(const ResolvedGraph& graph, PassIn
   const Pass& pass = graph.passes[index];
   for (const auto& [name, resource] : pass.ports) {
     ResourceIndex newest = graph.resources[resource].history_of;
-    if (newest == kNoIndex && is_late_port(*pass.entry.technique, name)) newest = resource;
+    if (newest == kNoIndex && is_late_port(pass, name)) newest = resource;
     if (newest != kNoIndex && graph.resources[newest].producer != kNoIndex)
       found.push_back(graph.resources[newest].producer);
   }

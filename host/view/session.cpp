@@ -25,8 +25,9 @@ constexpr std::chrono::milliseconds kPatience{250};
 // noise that is drawn anew in each frame never is, and then rests.
 constexpr int kSettlingFrames = 64;
 constexpr std::size_t kMostMessages = 200;
-constexpr std::uint32_t kWarning = 1;  // severity, as heddle_host_options.log has it
-constexpr std::uint32_t kRgba8 = 37;   // VK_FORMAT_R8G8B8A8_UNORM
+constexpr std::size_t kMostWarned = 4096;  // bytes; who warns in every frame has said it by then
+constexpr std::uint32_t kWarning = 1;      // severity, as heddle_host_options.log has it
+constexpr std::uint32_t kRgba8 = 37;       // VK_FORMAT_R8G8B8A8_UNORM
 
 bool is_looping(const VariantReport& report) {
   return std::ranges::any_of(report.loops, [](const Loop& loop) { return loop.done < loop.total; });
@@ -86,7 +87,8 @@ bool Session::report(Report& out, std::uint64_t& serial) const {
 void Session::tell(std::uint32_t severity, const char* text) {
   const std::lock_guard lock(mutex_);
   messages_.emplace_back(text);
-  if (severity == kWarning) warnings_ += (warnings_.empty() ? "" : "\n") + messages_.back();
+  if (severity == kWarning && warnings_.size() < kMostWarned && warnings_.find(messages_.back()) == std::string::npos)
+    warnings_ += (warnings_.empty() ? "" : "\n") + messages_.back();
   if (messages_.size() > kMostMessages) messages_.pop_front();
   ++serial_;
 }

@@ -233,7 +233,8 @@ inline constexpr heddle_parameter kParameters[] = {
                       HEDDLE_PARAMETER_REDECLARE),
         kLevels),
     pass::knob(
-        pass::integer("levels_at_most", "1", 1, 6, 6, "components ask for more in vain", HEDDLE_PARAMETER_REDECLARE),
+        pass::integer("levels_at_most", "1", 1, 6, 6,
+                      "no face is split more often, whatever `levels` and components say", HEDDLE_PARAMETER_REDECLARE),
         kLevels),
     pass::toggle("limit", true, "vertices lie on the limit surface, not where refinement has brought them so far",
                  HEDDLE_PARAMETER_REDECLARE),

@@ -675,6 +675,13 @@ def number(text: str) -> float:
         raise argparse.ArgumentTypeError(f"'{text}' is no number") from error
 
 
+def frame_budget(text: str) -> float:
+    value = number(text)
+    if not 0 <= value <= 10000:  # nan too
+        raise argparse.ArgumentTypeError(f"'{text}' is out of range: 0 to 10000 milliseconds")
+    return value
+
+
 def whole(text: str) -> int:
     try:
         return int(text)
@@ -786,7 +793,7 @@ def main() -> int:
             command.add_argument("--set-b", action="append", default=[],
                                  help="show the graph against itself with this setting, as of --set")
             command.add_argument("--time-step", type=number, default=1 / 60, help="seconds from frame to frame, while it plays")
-            command.add_argument("--frame-budget", type=number, default=FRAME_BUDGET,
+            command.add_argument("--frame-budget", type=frame_budget, default=FRAME_BUDGET,
                                  help="while nothing changes, milliseconds in which loops render on before the picture is shown "
                                       "again (default: 33; 0: after each frame)")
             command.add_argument("--window", help="WIDTHxHEIGHT in pixels (default: the picture in its own size, beside the panel)")

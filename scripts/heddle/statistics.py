@@ -4,7 +4,7 @@
 What is compared takes turns in rounds, in a random order there and the reverse order back (A B B A, or B A A B), so that
 a slow drift touches both alike, and so that which of two comes first is a coin that is thrown anew each round. Then, if
 the two are equal, each round's difference is as likely negative as positive, whatever the times are: however long their
-tails, however much they depend on each other, whatever else the machine does. Wilcoxon's signed-rank test needs no more
+tails, however much they depend on each other, however the machine changes from turn to turn. Wilcoxon's signed-rank test needs no more
 than that to be exact, and so a false verdict has the probability that is stated here.
 
 A verdict asks two questions, whether there is a difference and whether it matters, and a certain answer to the first is none to
@@ -151,7 +151,9 @@ def noise(comparisons: Sequence[ArrayLike], rounds: int) -> Noise:
     first, second = _pairs(drawn)
     k, count = _walsh_bound(drawn, 1.0 - FALSE_VERDICTS), len(first)
     means = np.partition(0.5 * (runs[:, first] + runs[:, second]), sorted({k, (count - 1) // 2, count // 2, count - 1 - k}), axis=1)
-    scale = student(POWER, freedom) / NormalDist().inv_cdf(POWER) * math.sqrt(drawn / rounds)
+    # Residuals about middles of their own are smaller than what they are of.
+    narrow = math.sqrt(len(pool) / freedom)
+    scale = student(POWER, freedom) / NormalDist().inv_cdf(POWER) * narrow * math.sqrt(drawn / rounds)
     ends = np.concatenate([-means[:, k], means[:, -1 - k]])  # the truth is 0, and both sides are alike
     middles = 0.5 * (means[:, (count - 1) // 2] + means[:, count // 2])
     return Noise(scale * float(np.quantile(ends, POWER)), scale * float(np.quantile(np.concatenate([middles, -middles]), POWER)),
@@ -220,7 +222,7 @@ def decide(differences: ArrayLike, floor: float = 0.0, matters: float = 0.0) -> 
                  below 0; "no difference seen" if the interval, with the floor on both sides, lies within what matters; else
                  "undecided"
     Where there is no difference, better and worse have a probability of FALSE_VERDICTS together; where there is one that
-    matters, "no difference seen" has half of that.
+    matters, "no difference seen" has half of that, if noise is symmetric about it.
     """
     found = difference(differences)
     if found.low > floor and found.value >= matters:

@@ -241,18 +241,23 @@ def negligible(metric: str, size: float) -> float:
 
 def error_that_matters(run: SceneRun, metric: str) -> float:
     """The smallest difference of errors that matters: of the first point's error the part that the study says, and nothing
-    negligible."""
+    negligible. ssim's error is what it lacks of 1; psnr is a ratio, whose part of the root mean square is a number of decibels."""
+    part = run.study.error_resolution
+    if metric == "psnr":
+        return -20.0 * math.log10(1.0 - part) if part < 1.0 else math.inf
     first = float(np.median(run.errors[run.study.points[0].name]["seeds"][metric]))
-    return max(run.study.error_resolution * abs(first), negligible(metric, run.reference_size))
+    return max(part * abs(1.0 - first if metric == "ssim" else first), negligible(metric, run.reference_size))
 
 
 def error_verdict(run: SceneRun, point: Point, baseline: Point, metric: str, direction: str) -> tuple[s.Verdict, s.Noise]:
     """The rule of times: differences seed by seed, with the reference's own variance as the floor."""
     sign = -1.0 if direction == "higher" else 1.0
-    a, b = (run.errors[each.name]["seeds"][metric] for each in (baseline, point))
+    # Of a signed one, nearer to 0 is better.
+    value = abs if metric == "mean_difference" else float
+    a, b = ([value(x) for x in run.errors[each.name]["seeds"][metric]] for each in (baseline, point))
     count = max(len(a), len(b), SEEDS)
     differences = [sign * (b[i % len(b)] - a[i % len(a)]) for i in range(count)]
-    parts_a, parts_b = (run.errors[each.name]["parts"][metric] for each in (baseline, point))
+    parts_a, parts_b = ([value(x) for x in run.errors[each.name]["parts"][metric]] for each in (baseline, point))
     floor = s.reference_floor([y - x for x, y in zip(parts_a, parts_b)]) if len(parts_a) > 1 else 0.0
     verdict, noise = s.decide(differences, floor, error_that_matters(run, metric)), s.noise([differences], count)
     if sign > 0:

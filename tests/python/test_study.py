@@ -300,8 +300,9 @@ def test_ladders_are_climbed_together():
 # ---- Running ----
 
 def measured_run(study, errors):
-    """What rows_of() reads of a run whose errors are known."""
-    found = {name: {"seeds": {"psnr": seeds}, "parts": {"psnr": []}, "is_random": False, "machine": "m"} for name, seeds in errors.items()}
+    """What rows_of() reads of a run whose errors, by the study's one metric, are known."""
+    metric, = study.metrics
+    found = {name: {"seeds": {metric: seeds}, "parts": {metric: []}, "is_random": False, "machine": "m"} for name, seeds in errors.items()}
     return argparse.Namespace(study=study, scene=study.scenes[0], state={p.name: ("ok", "") for p in study.points}, rounds=[],
                               changing={}, measured={}, errors=found, foreign=None, machine="m",
                               reference_size=1.0)
@@ -655,6 +656,21 @@ def stopped():
 def test_a_gate_is_for_what_is_worse(verdicts, states, status):
     rows = [{"verdict": verdict, "state": "ok"} for verdict in verdicts] + [{"state": state} for state in states]
     assert study_run.gate(rows) == status
+
+
+def test_a_gate_does_not_ask_for_processors():
+    assert study_run.gate([{"quantity": "processor", "verdict": s.WORSE, "state": "ok"}]) == 0
+
+
+@pytest.mark.parametrize(("metric", "first", "second", "verdict"), [
+    ("ssim", 0.98, 0.995, s.BETTER), ("ssim", 0.98, 0.9801, s.SAME),  # three quarters of what it lacks, and a 200th
+    ("psnr", 40.0, 40.7, s.BETTER), ("psnr", 40.0, 40.1, s.SAME),  # 8 and 1 % of the root mean square
+    ("mean_difference", -0.5, 0.01, s.BETTER), ("mean_difference", 0.5, -0.5, s.SAME)])
+def test_what_matters_is_a_part_of_the_error(host, tmp_path, metric, first, second, verdict):
+    study = definition.read(host, written(tmp_path, SMALL.replace('["rmse", "ssim"]', f'["{metric}"]')))
+    rows, _ = study_run.rows_of(
+        measured_run(study, {"few": [first], "rays samples=1": [second], "rays samples=4": [second]}))
+    assert [row["verdict"] for row in rows if row["quantity"] == metric and row.get("verdict")] == [verdict, verdict]
 
 
 @pytest.mark.parametrize(("words", "status", "said"), [

@@ -16,6 +16,8 @@ void main() {
   bool is_sample = is_finite(value);
   float value_weight = 0.0;
   if (is_sample) value_weight = constant_weighting == 1u ? compressed_weight(value.rgb, push.white) : 1.0;
+  // Stores that round to the nearest would make Inf of what is too large, and Inf stays.
+  if (constant_accumulator == kRgba16f) value = clamp(value, vec4(-kLargestHalf), vec4(kLargestHalf));
   mean = is_sample ? value_weight * to_accumulator(value, constant_accumulator, push.white) : vec4(0.0);
   weight = vec4(value_weight);
 }

@@ -343,8 +343,9 @@ void Integrator::follow(Walk& walk, const Sampler& sampler, Seen& seen, Estimate
       fate.y /= reflects;
     }
 
-    // Where the first surface is metal, all that the path is still worth comes by the way that it takes.
-    if (walk.bounces == 1 && settings.metal_branches > 1 && surface.point.metalness > 0.5) {
+    // Where the first surface is metal, all that the path is still worth comes by the way that it takes. Not where a
+    // choice to reflect came before: it is of the same number as the branches' lobes.
+    if (walk.bounces == 1 && settings.metal_branches > 1 && !surface.is_blended && surface.point.metalness > 0.5) {
       walk.beta /= settings.metal_branches;
       ++walk.event;
       for (std::uint32_t i = 0; i < settings.metal_branches; ++i) {

@@ -100,7 +100,7 @@ constexpr heddle_shader kShaders[] = {compute_shader("sky", "sky", "sky.comp.gls
 /// Paths, at most, and tiles that are traced before the host is asked whether to go on: within about a second.
 constexpr std::uint32_t kPathsAStep = 1U << 16U, kTilesAStep = 64;
 /// Of what a sample is: to be raised with every change of its bytes, so that no checkpoint mixes two.
-constexpr int kVersion = 4;
+constexpr int kVersion = 5;
 /// Samples of each pixel between two looks at the error.
 constexpr std::uint32_t kLeastRound = kReplicates;
 

@@ -344,16 +344,23 @@ class Virtual {
     looker.ignores_direction = host.toggle("turning");
     const double bias = host.choice("filtering") == kTrilinear ? 1.0 : host.parameter("bias");
     const std::size_t before = asked_.size();
-    // More than there are slots would only be coarsened.
+    // More than there are slots would only be coarsened. All of it evenly, rather than a part of it: what is not named
+    // keeps the levels of what happens to be there.
     const std::size_t most = std::size_t{in_row_} * in_row_ * kMostTimesSlots;
     const std::uint32_t asking = host.choice("query");
     std::uint64_t visited = 0;
     for (UvTree& tree : trees_) {
-      if (asking == kMap)
-        tree.query_map(looker, bias, most, asked_);
-      else
-        tree.query(looker, bias, most, asked_, asking == kDraws);
-      visited += tree.visited();
+      constexpr double kMostCoarser = 64;  // beyond all levels that a view can want
+      const std::size_t first = asked_.size();
+      for (double coarser = 0;; ++coarser) {
+        asked_.resize(first);
+        if (asking == kMap)
+          tree.query_map(looker, bias - coarser, most + 1, asked_);
+        else
+          tree.query(looker, bias - coarser, most + 1, asked_, asking == kDraws);
+        visited += tree.visited();
+        if (asked_.size() - first <= most || coarser >= kMostCoarser) break;
+      }
     }
     tell(host, "places_asked", visited);
     tell(host, "tiles_named", asked_.size() - before);

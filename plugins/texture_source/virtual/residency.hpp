@@ -93,12 +93,15 @@ class Residency {
       const bool is_root = tile.level == roots_[tile.texture];
       // Asked for in any case: what takes long is then on its way. What is there already is not asked for.
       if (!is_root && !shared_slot(tile) && !is_ready(tile)) continue;
-      if (!has_room || (!is_root && (changes.uploads.size() >= budget || !resident_.contains(tile.parent().key()))))
-        continue;
+      // What another tile has brought already needs none.
       const std::optional<std::uint32_t> same = shared_slot(tile);
+      if (!has_room && !same) continue;
+      if (!is_root && (changes.uploads.size() >= budget || !resident_.contains(tile.parent().key()))) continue;
       const std::optional<std::uint32_t> slot = same ? same : room(frame, budget, changes, changed);
-      has_room = slot.has_value();
-      if (!has_room) continue;
+      if (!slot) {
+        has_room = false;
+        continue;
+      }
       arrive(tile, *slot, frame);
       changes.uploads.push_back({tile, *slot, same.has_value()});
       changed.push_back(tile);

@@ -113,6 +113,8 @@ class Tiled {
       store_.textures.push_back(texture);
     }
     stores_->close(host.raw(), scratch_);
+    known_ = {};
+    earlier_ = {};
     header.texture_count = static_cast<std::uint32_t>(store_.textures.size());
     // The last tile's cluster is whole.
     const std::byte none{};

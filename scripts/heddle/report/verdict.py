@@ -65,7 +65,7 @@ def best(study: Json, rows: list[Json]) -> str:
 
 
 def trust(rows: list[Json], restless: dict[str, list[str]]) -> str:
-    told = [row for row in rows if row.get("verdict")]
+    told = [row for row in rows if row.get("verdict") and row["quantity"] != "processor"]
     times = [row["smallest_seen"] for row in told if row["quantity"] == "frame" and row.get("smallest_seen") is not None]
     undecided = sum(row["verdict"] == s.UNDECIDED for row in told)
     lost = sorted({f"{name(row)} on {row['scene']} ({row['state']})" for row in rows if row["state"] != "ok"})

@@ -176,7 +176,7 @@ TEST(PathTracer, AFileThatIsNotItsOwnCheckpointIsRefusedAndStaysAsItIs) {
   const std::string old = (folder.path() / "old").string();
   std::ofstream(old, std::ios::binary) << "HDLPATH1" << whole.substr(8);
   expect_refused(scene, old, "", "(its format is of another version)");
-  EXPECT_THAT(whole, testing::HasSubstr("\"version\": 4, "));
+  EXPECT_THAT(whole, testing::HasSubstr("\"version\": 5, "));
   Graph again(graph_text("params.samples = 8\nparams.checkpoint = \"" + file + "\"\n", kDim, 16));
   again.render(scene);
   EXPECT_EQ(counter(again, "samples_taken_up"), 8U) << "after all this it is still good";
