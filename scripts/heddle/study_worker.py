@@ -8,14 +8,16 @@ with its standard input.
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import io
 import json
 import os
 import pathlib
+import random
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -63,6 +65,24 @@ def host_bytes() -> dict[str, int]:
     return found
 
 
+@contextlib.contextmanager
+def placed_by_chance() -> Iterator[None]:
+    """Meanwhile each thread of this process runs on one processor, which a coin chooses; then on any. Threads wake up where they
+    ran last, and stay beside, or in the way of, what else runs there: without the coin that would be a process's own for a whole
+    study, and two equal variants would differ by it."""
+    allowed = sorted(os.sched_getaffinity(0))
+    threads = [int(each) for each in os.listdir("/proc/self/task")]
+    try:
+        for thread in threads:
+            with contextlib.suppress(OSError):  # it may have ended
+                os.sched_setaffinity(thread, {random.choice(allowed)})
+        yield
+    finally:
+        for thread in threads:
+            with contextlib.suppress(OSError):
+                os.sched_setaffinity(thread, allowed)
+
+
 class Worker:
     def __init__(self) -> None:
         self.host: Host | None = None
@@ -107,7 +127,8 @@ class Worker:
         graph, scene, times, worked = self.graphs[point], self._scene(), [], []
         for frame in range(frames):
             begun = time.process_time()
-            graph.render(scene, time=self.time, seed=seed, cut=cut and frame == 0, anew=True)
+            with placed_by_chance() if frame == 0 else contextlib.nullcontext():
+                graph.render(scene, time=self.time, seed=seed, cut=cut and frame == 0, anew=True)
             worked.append(1e3 * (time.process_time() - begun))
             times.append(graph.stats()["submit_ms"])
         return {"ms": times, "processor_ms": worked}
