@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _library as c
+from ._toml import plain, toml
 
 _heddle = c.load()
 
@@ -441,7 +442,7 @@ class Scene(_Object):
             raise Error(2, f"error: the component '{name}' was given several owners\n  expected: one of instance, material, "
                            "light, or none of them for the scene")
         kind, index = given[0] if given else (c.OWNER_SCENE, 0)
-        text = json.dumps({key: _plain(value) for key, value in (properties or {}).items()})
+        text = json.dumps({key: plain(value) for key, value in (properties or {}).items()})
         self._check(_heddle.heddle_scene_set_component(self._handle, kind, index, name.encode(), text.encode()))
 
     def camera(self, position: Sequence[float], target: Sequence[float], vertical_angle: float = 0.9,
@@ -589,7 +590,7 @@ class _Woven(_Object):
             raise Error(2, f"error: the setting '{setting}' was given a dict\n  expected: a number, a word, True or False, or a "
                            "list of them\n  help:     one call for each key: " +
                            (f"set(\"{setting}.{next(iter(value))}\", ...)" if value else f"set(\"{setting}.NAME\", ...)"))
-        text = setting if value is None else f"{setting}={_toml(value)}"
+        text = setting if value is None else f"{setting}={toml(value)}"
         self._check(_heddle.heddle_graph_set(self._handle, text.encode()))
 
     def swap(self, pass_name: str, technique: str) -> str:
@@ -796,20 +797,6 @@ class Job(_Woven):
 
 def _decode(text: ctypes.c_char_p) -> str:
     return (text.value or b"").decode()
-
-
-def _plain(value: Any) -> Any:
-    """Numbers and arrays of numpy as Python's own."""
-    return value.tolist() if isinstance(value, (np.generic, np.ndarray)) else value
-
-
-def _toml(value: Any) -> str:
-    value = _plain(value)
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_toml(element) for element in value) + "]"
-    if isinstance(value, float) and not np.isfinite(value):
-        return repr(value)  # nan, inf, -inf, as TOML has them
-    return json.dumps(value, ensure_ascii=False)
 
 
 def _light(type: str, intensity: Sequence[float], position: Sequence[float], direction: Sequence[float], range: float,

@@ -146,12 +146,12 @@ parts = 2
     study = definition.read(host, written(tmp_path, text))
     assert study.port == definition.FUNCTION_PORT and study.reference.port == "physical.shadow"
     assert "physical.params.shadow_light=-2" in study.reference.settings
-    found = errors_of(study, host, tmp_path)
+    found = run_of(study, host, tmp_path).errors
     error = {name: float(np.median(each["seeds"]["rmse"])) for name, each in found.items()}
     assert error["rays"] < 0.1 * error["nobody"]
 
 
-def errors_of(study, host, tmp_path):
+def run_of(study, host, tmp_path):
     executor = study_run.Here(None, 120, tmp_path, print, lambda: None)
     try:
         run = study_run.SceneRun(study, study.scenes[0], study_run.Store(tmp_path), argparse.Namespace(device=None, timeout=120),
@@ -160,21 +160,14 @@ def errors_of(study, host, tmp_path):
         run.measure_errors()
     finally:
         executor.close()
-    return run.errors
+    return run
 
 
 def test_the_path_tracer_says_what_occlusion_is_and_how_sure_it_is_of_that(host, tmp_path):
     study = definition.read(host, written(tmp_path, OCCLUSION))
     # The radius is the pass's own, by another name.
     assert "physical.params.occlusion_radius=0.3" in study.reference.settings
-    executor = study_run.Here(None, 120, tmp_path, print, lambda: None)
-    try:
-        run = study_run.SceneRun(study, study.scenes[0], study_run.Store(tmp_path), argparse.Namespace(device=None, timeout=120),
-                                 tmp_path, host, executor, study_items.Contents(), print, lambda: None, math.inf)
-        run.identify()
-        run.measure_errors()
-    finally:
-        executor.close()
+    run = run_of(study, host, tmp_path)
     screen, rays, wide = study.points
     found = {point.name: run.errors[point.name] for point in study.points}
     # Both follow rays to what lies within the radius: nineteen pixels of twenty differ by noise alone, the rest
