@@ -39,6 +39,20 @@ struct ErrorText {
   }
 };
 
+/// A device that builds with one thread, and an empty scene of it in robust mode. False: there is none; why is in
+/// `error`.
+inline bool make_scene(RTCDevice& device, RTCScene& scene, ErrorText& error) {
+  device = rtcNewDevice("threads=1");
+  if (device == nullptr) {
+    error.say(rtcGetDeviceError(nullptr), "there is no device");
+    return false;
+  }
+  rtcSetDeviceErrorFunction(device, &ErrorText::note, &error);
+  scene = rtcNewScene(device);
+  rtcSetSceneFlags(scene, RTC_SCENE_FLAG_ROBUST);
+  return true;
+}
+
 /// NULL: out of memory, and the device's error function was told. Embree reads 16 bytes at the last vertex.
 inline RTCBuffer copy_vertices(RTCDevice device, std::span<const glm::vec3> positions) {
   static_assert(sizeof(glm::vec3) == 12 && sizeof(glm::uvec3) == 12);

@@ -33,14 +33,7 @@ class FineMeshes {
   /// Places relative to `origin`, in the scene. False: Embree cannot; why is in error().
   [[nodiscard]] bool build(const heddle::pass::Meshes& meshes, std::span<const std::uint32_t> instances,
                            const glm::dvec3& origin) {
-    device_ = rtcNewDevice("threads=1");
-    if (device_ == nullptr) {
-      error_.say(rtcGetDeviceError(nullptr), "there is no device");
-      return false;
-    }
-    rtcSetDeviceErrorFunction(device_, &embree::ErrorText::note, &error_);
-    scene_ = rtcNewScene(device_);
-    rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
+    if (!embree::make_scene(device_, scene_, error_)) return false;
     for (const std::uint32_t id : instances) {
       const heddle_scene_instance instance = meshes.instance(id);
       const heddle_scene_mesh mesh = meshes.mesh(instance.mesh);

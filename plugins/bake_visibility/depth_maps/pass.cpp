@@ -6,6 +6,7 @@
 #include "compare.hpp"
 
 #include "bake_directions.hpp"
+#include "bake_parameters.hpp"
 #include "bake_parts.hpp"
 #include "depth_maps.hpp"
 
@@ -33,8 +34,6 @@ constexpr heddle_port kPorts[] = {
 
 constexpr const char* kPipelines[] = {"float_sums", "split_ramp", "gpu_compare", "cpu_compare", nullptr};
 enum : std::uint32_t { kFloatSums, kSplitRamp, kGpuCompare, kCpuCompare };
-constexpr const char* kElementKinds[] = {"lattice", "vertices", "texels", nullptr};
-constexpr const char* kDetails[] = {"none", "normal_map", "fine_vertices", "fine_points", nullptr};
 constexpr const char* kSets[] = {"fibonacci", "random", nullptr};
 constexpr const char* kDepthFormats[] = {"d32", "d16", "d8", "d24", nullptr};
 enum : std::uint32_t { kD32, kD16, kD8, kD24 };
@@ -42,30 +41,16 @@ constexpr const char* kCasters[] = {"both_sides", "fronts", nullptr};
 
 constexpr double kDirectionLadder[] = {64, 256, 1024, 4096};
 constexpr double kResolutionLadder[] = {256, 512, 1024, 2048};
-constexpr double kSpacingLadder[] = {1, 0.5, 0.25, 0.125};
 constexpr double kFormatLadder[] = {2, 1, 3, 0};
 constexpr heddle_parameter kParameters[] = {
     knob(integer("directions", "1", 1, 16384, 512, "over the whole sphere, shared by all elements"), kDirectionLadder),
     knob(integer("resolution", "px", 16, 4096, 1024, "side of a depth map", HEDDLE_PARAMETER_REDECLARE),
          kResolutionLadder),
-    choice("elements", kElementKinds, 0,
-           "what asks: a lattice on each triangle, its vertices, or the texels of its own texture coordinates (uv1, "
-           "else uv0)",
-           HEDDLE_PARAMETER_REDECLARE),
-    knob(parameter("spacing", "m", 1e-4, 1e4, 0.25, "between elements, at most", HEDDLE_TYPE_FLOAT,
-                   HEDDLE_PARAMETER_REDECLARE),
-         kSpacingLadder),
-    parameter("inset", "1", 0, 0.5, 0.1, "of the spacing: how far elements lie off the rims of smooth parts",
-              HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
-    choice("detail", kDetails, 0,
-           "what relief an element has beside its mesh's: normal_map: its material's, which weighs directions, while "
-           "the mesh "
-           "alone occludes; fine_vertices: that of vertices of finer instances (component mesh_detail.fine), carried "
-           "over; "
-           "fine_points: it lies on them",
-           HEDDLE_PARAMETER_REDECLARE),
-    parameter("reach", "m", 1e-6, 1e4, 0.1, "from a surface, to both sides, at which its finer one is looked for",
-              HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
+    elements_parameter(HEDDLE_PARAMETER_REDECLARE),
+    spacing_parameter(HEDDLE_PARAMETER_REDECLARE),
+    inset_parameter(HEDDLE_PARAMETER_REDECLARE),
+    detail_parameter(HEDDLE_PARAMETER_REDECLARE),
+    reach_parameter(HEDDLE_PARAMETER_REDECLARE),
     parameter("bias", "px", 0, 16, 1, "texels of a depth map along the surface that an element reaches over"),
     parameter("bias_limit", "1", 0, 1000, 8,
               "largest slope that the bias follows; 0: all, and leaks at grazing angles"),

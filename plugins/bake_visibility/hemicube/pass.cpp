@@ -5,6 +5,7 @@
 
 #include "params.h"
 
+#include "bake_parameters.hpp"
 #include "bake_parts.hpp"
 #include "point_sequences.hpp"
 
@@ -30,33 +31,17 @@ constexpr heddle_port kPorts[] = {
     image_out_sized("depth_maps", VK_FORMAT_D32_SFLOAT, 1, 1, "five faces of an element of the slice, reversed depth"),
 };
 
-constexpr const char* kElementKinds[] = {"lattice", "vertices", "texels", nullptr};
-constexpr const char* kDetails[] = {"none", "normal_map", "fine_vertices", "fine_points", nullptr};
 constexpr const char* kCasters[] = {"both_sides", "fronts", nullptr};
 constexpr double kResolutionLadder[] = {8, 16, 32, 64, 128};
-constexpr double kSpacingLadder[] = {1, 0.5, 0.25, 0.125};
 constexpr heddle_parameter kParameters[] = {
     knob(integer("resolution", "px", 4, 256, 32, "side of the upper face, the next even number",
                  HEDDLE_PARAMETER_REDECLARE),
          kResolutionLadder),
-    choice("elements", kElementKinds, 0,
-           "what asks: a lattice on each triangle, its vertices, or the texels of its own texture coordinates (uv1, "
-           "else uv0)",
-           HEDDLE_PARAMETER_REDECLARE),
-    knob(parameter("spacing", "m", 1e-4, 1e4, 0.25, "between elements, at most", HEDDLE_TYPE_FLOAT,
-                   HEDDLE_PARAMETER_REDECLARE),
-         kSpacingLadder),
-    parameter("inset", "1", 0, 0.5, 0.1, "of the spacing: how far elements lie off the rims of smooth parts",
-              HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
-    choice("detail", kDetails, 0,
-           "what relief an element has beside its mesh's: normal_map: its material's, which weighs directions, while "
-           "the mesh "
-           "alone occludes; fine_vertices: that of vertices of finer instances (component mesh_detail.fine), carried "
-           "over; "
-           "fine_points: it lies on them",
-           HEDDLE_PARAMETER_REDECLARE),
-    parameter("reach", "m", 1e-6, 1e4, 0.1, "from a surface, to both sides, at which its finer one is looked for",
-              HEDDLE_TYPE_FLOAT, HEDDLE_PARAMETER_REDECLARE),
+    elements_parameter(HEDDLE_PARAMETER_REDECLARE),
+    spacing_parameter(HEDDLE_PARAMETER_REDECLARE),
+    inset_parameter(HEDDLE_PARAMETER_REDECLARE),
+    detail_parameter(HEDDLE_PARAMETER_REDECLARE),
+    reach_parameter(HEDDLE_PARAMETER_REDECLARE),
     choice("casters", kCasters, 0, "what occludes of surfaces that are not double-sided: both sides, or fronts alone"),
     toggle("turned", true, "each hemicube about its normal by an angle of its own: noise in place of bands"),
     integer("batch", "1", 1, 1024, 256, "elements a submission, whose faces are there at a time",

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // bake_visibility/ray_traced: a ray from every element in every direction, on the CPU. The reference of its role.
 #include "bake_directions.hpp"
+#include "bake_parameters.hpp"
 #include "bake_parts.hpp"
 #include "embree_triangles.hpp"
 
@@ -20,26 +21,16 @@ constexpr heddle_port kPorts[] = {
     port("occlusion", HEDDLE_PORT_ARTIFACT, HEDDLE_OUT, "visibility and mean open direction of every element"),
     port("report", HEDDLE_PORT_REPORT, HEDDLE_OUT, "how much was asked, and what could not be done as wished"),
 };
-constexpr const char* kElementKinds[] = {"lattice", "vertices", "texels", nullptr};
-constexpr const char* kDetails[] = {"none", "normal_map", "fine_vertices", "fine_points", nullptr};
 constexpr const char* kSets[] = {"fibonacci", "random", nullptr};
 constexpr double kDirectionLadder[] = {64, 256, 1024, 4096, 16384};
-constexpr double kSpacingLadder[] = {1, 0.5, 0.25, 0.125};
 constexpr heddle_parameter kParameters[] = {
     knob(integer("directions", "1", 1, 1 << 20, 1024, "over the whole sphere, shared by all elements"),
          kDirectionLadder),
-    choice("elements", kElementKinds, 0,
-           "what asks: a lattice on each triangle, its vertices, or the texels of its own texture coordinates (uv1, "
-           "else uv0)"),
-    knob(parameter("spacing", "m", 1e-4, 1e4, 0.25, "between elements, at most"), kSpacingLadder),
-    parameter("inset", "1", 0, 0.5, 0.1, "of the spacing: how far elements lie off the rims of smooth parts"),
-    choice("detail", kDetails, 0,
-           "what relief an element has beside its mesh's: normal_map: its material's, which weighs directions, while "
-           "the mesh "
-           "alone occludes; fine_vertices: that of vertices of finer instances (component mesh_detail.fine), carried "
-           "over; "
-           "fine_points: it lies on them"),
-    parameter("reach", "m", 1e-6, 1e4, 0.1, "from a surface, to both sides, at which its finer one is looked for"),
+    elements_parameter(),
+    spacing_parameter(),
+    inset_parameter(),
+    detail_parameter(),
+    reach_parameter(),
     choice("set", kSets, 0, "of directions: even, or independent of each other"),
     integer("seed", "1", 0, 1'000'000, 0, "turns the even set, chooses the random one"),
     toggle("find_open", true, "parts that nothing rises above are open without a look"),
@@ -64,14 +55,7 @@ class Occluders {
 
   /// False: Embree cannot; why is in error().
   [[nodiscard]] bool build(const heddle_snapshot& snapshot, heddle_alpha_test alpha, const glm::dvec3& origin) {
-    device_ = rtcNewDevice("threads=1");
-    if (device_ == nullptr) {
-      error_.say(rtcGetDeviceError(nullptr), "there is no device");
-      return false;
-    }
-    rtcSetDeviceErrorFunction(device_, &embree::ErrorText::note, &error_);
-    scene_ = rtcNewScene(device_);
-    rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
+    if (!embree::make_scene(device_, scene_, error_)) return false;
     snapshot_ = &snapshot;
     alpha_ = alpha;
     const glm::dvec3 shift = glm::dvec3(snapshot.origin[0], snapshot.origin[1], snapshot.origin[2]) - origin;
